@@ -1,0 +1,326 @@
+"""The ACP operations of one connection: who may call what, and what it does to a session.
+
+The official SDK validates every message against the schema before it gets here, and every answer goes through its
+types. Nothing here talks to the robot or to a model: that is the turn.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from acp.agent.router import build_agent_router
+from acp.exceptions import RequestError
+from acp.router import MessageRouter
+from acp.schema import (
+    AgentCapabilities,
+    AuthenticateResponse,
+    AuthMethodAgent,
+    CloseSessionResponse,
+    DeleteSessionRequest,
+    Implementation,
+    InitializeResponse,
+    ListSessionsResponse,
+    McpCapabilities,
+    PromptCapabilities,
+    PromptResponse,
+    SessionCapabilities,
+    SessionInfo,
+)
+from pydantic import BaseModel
+
+from backend import __version__, identity, wire
+from backend.agent import options
+from backend.agent.connection import ClientConnection
+from backend.agent.house import House
+from backend.agent.robot_link import RobotLinkError
+from backend.agent.session import Session
+from backend.agent.telemetry_feed import TelemetryFeed
+from backend.agent.turn import Turn
+from backend.identity import Identity, Right, Role
+
+PROTOCOL_VERSION = 1
+EXTENSIONS = ("_robot/telemetry", "_robot/stop", "_robot/release")
+_AFTER = "robot-acp/after"
+_TURN = "robot-acp/turn"
+
+
+class AcpServer:
+    """The agent as one client sees it. A plain class, so that an operation that is missing is an error."""
+
+    def __init__(self, house: House, connection: ClientConnection) -> None:
+        self._house = house
+        self._connection = connection
+        self._attached: dict[str, Session] = {}
+        self._feed: TelemetryFeed | None = None
+
+    def router(self) -> MessageRouter:
+        """The SDK's routes, and those that it lacks."""
+        router = build_agent_router(self, use_unstable_protocol=True)  # type: ignore[arg-type] # see the class
+        router.route_request("session/delete", DeleteSessionRequest, self, "delete_session")
+        return router
+
+    def left(self) -> None:
+        """The client has gone."""
+        for session in self._attached.values():
+            session.detach(self._connection)
+        if self._feed:
+            self._feed.close()
+
+    # Connection
+
+    async def initialize(
+        self,
+        protocol_version: int,
+        client_capabilities: BaseModel | None = None,
+        client_info: BaseModel | None = None,
+        meta: dict[str, Any] | None = None,
+    ) -> InitializeResponse:
+        """Agree on the version, and learn who this is: by the bridge's token, or because it comes from here."""
+        del protocol_version, client_info  # there is one version
+        token = (meta or {}).get(wire.TOKEN_META)
+        if token is not None:
+            self._identify(token)
+        elif self._connection.local and self._house.settings.agent.trust_loopback:
+            self._connection.identity = Identity("local", Role.SUPERVISOR)
+        capabilities = client_capabilities.model_dump(by_alias=True) if client_capabilities else {}
+        self._follow_robot((capabilities.get("_meta") or {}).get("robot-acp/telemetry"))
+        return self._hello()
+
+    async def authenticate(self, method_id: str, meta: dict[str, Any] | None = None) -> AuthenticateResponse:
+        """Prove who one is with a token in `_meta`."""
+        token = (meta or {}).get(wire.TOKEN_META)
+        if method_id != "token" or not isinstance(token, str):
+            raise RequestError(wire.INVALID_PARAMS, f'Authenticate with method "token" and {wire.TOKEN_META} in _meta.')
+        self._identify(token)
+        return AuthenticateResponse()
+
+    def _identify(self, token: object) -> None:
+        try:
+            self._connection.identity = identity.verify(self._house.signing_key, str(token))
+        except identity.InvalidToken as error:
+            raise RequestError(wire.AUTH_REQUIRED, str(error)) from None
+
+    def _hello(self) -> InitializeResponse:
+        who = self._connection.identity
+        about = {"extensions": list(EXTENSIONS), "robot": self._house.settings.robot.name}
+        if who:
+            about |= {"role": who.role.value, "name": who.name}
+        return InitializeResponse(
+            protocol_version=PROTOCOL_VERSION,
+            agent_info=Implementation(name="robot-acp", title=self._house.settings.robot.name, version=__version__),
+            auth_methods=[AuthMethodAgent(id="token", name="Login token", description="Ask the robot's operator.")],
+            agent_capabilities=AgentCapabilities(
+                load_session=True,
+                prompt_capabilities=PromptCapabilities(image=True, audio=False, embedded_context=True),
+                mcp_capabilities=McpCapabilities(http=False, sse=False),
+                session_capabilities=SessionCapabilities.model_validate(
+                    {"list": {}, "resume": {}, "close": {}, "delete": {}}
+                ),
+                field_meta={"robot-acp": about},
+            ),
+        )
+
+    # Sessions
+
+    async def new_session(
+        self,
+        cwd: str,
+        mcp_servers: list[Any] | None = None,
+        additional_directories: list[str] | None = None,
+        meta: dict[str, Any] | None = None,
+    ) -> dict[str, Any]:
+        """Begin a session."""
+        del additional_directories, meta
+        who = self._authorized(Right.PROMPT)
+        self._refuse_servers(mcp_servers)
+        settings = self._house.settings.agent
+        session = await self._house.sessions.create(who.name, cwd, settings.default_mode, settings.model)
+        await self._attach(session)
+        return {"sessionId": session.id} | options.state(session, self._house.models)
+
+    async def load_session(
+        self,
+        cwd: str,
+        session_id: str,
+        mcp_servers: list[Any] | None = None,
+        additional_directories: list[str] | None = None,
+        meta: dict[str, Any] | None = None,
+    ) -> dict[str, Any]:
+        """Watch a session from its beginning: everything so far, then what comes."""
+        del cwd, additional_directories, meta
+        self._refuse_servers(mcp_servers)
+        session = await self._session(session_id)
+        await self._attach(session, after=0)
+        return self._opened(session)
+
+    async def resume_session(
+        self,
+        cwd: str,
+        session_id: str,
+        mcp_servers: list[Any] | None = None,
+        additional_directories: list[str] | None = None,
+        meta: dict[str, Any] | None = None,
+    ) -> dict[str, Any]:
+        """Watch a session from now on, or from the event after the one that `_meta` names."""
+        del cwd, additional_directories
+        self._refuse_servers(mcp_servers)
+        after = (meta or {}).get(_AFTER)
+        if after is not None and (not isinstance(after, int) or isinstance(after, bool) or after < 0):
+            raise RequestError(wire.INVALID_PARAMS, f"{_AFTER} must be the number of an event.")
+        session = await self._session(session_id)
+        await self._attach(session, after)
+        return self._opened(session)
+
+    async def list_sessions(
+        self, cwd: str | None = None, cursor: str | None = None, meta: dict[str, Any] | None = None
+    ) -> ListSessionsResponse:
+        """The sessions that this person may see, newest first."""
+        del cwd, meta  # a robot has no working folder that would sort sessions
+        who = self._known()
+        rows = await self._house.sessions.page(who, options.read_cursor(cursor))
+        infos = [
+            SessionInfo(session_id=row.id, cwd=row.cwd, title=row.title, updated_at=options.iso(row.updated))
+            for row in rows
+        ]
+        return ListSessionsResponse(sessions=infos, next_cursor=options.next_cursor(rows))
+
+    async def close_session(self, session_id: str, meta: dict[str, Any] | None = None) -> CloseSessionResponse:
+        """End what runs in the session, and stop watching it."""
+        del meta
+        session = await self._own(session_id)
+        await session.close()
+        session.detach(self._connection)
+        self._attached.pop(session_id, None)
+        return CloseSessionResponse()
+
+    async def delete_session(self, session_id: str, meta: dict[str, Any] | None = None) -> dict[str, Any]:
+        """Remove the session and its log."""
+        del meta
+        session = await self._own(session_id)
+        await self._house.sessions.delete(session)
+        self._attached.pop(session_id, None)
+        return {}
+
+    # Turns
+
+    async def prompt(
+        self, session_id: str, prompt: list[BaseModel], meta: dict[str, Any] | None = None
+    ) -> PromptResponse:
+        """Run a turn; the answer comes after its last update."""
+        del meta
+        who = self._authorized(Right.PROMPT)
+        session = await self._own(session_id)
+        if self._house.journal.failure:
+            raise RequestError(wire.INTERNAL_ERROR, self._house.journal.failure)
+        if self._connection not in session.watching:
+            await self._attach(session)
+        blocks = [block.model_dump(mode="json", by_alias=True, exclude_none=True) for block in prompt]
+        turn = Turn(self._house.bench, session, who.name, blocks, self._connection)
+        if session.row.start_pose is None and (pose := await self._house.sessions.robot_pose()):
+            session.change(start_pose=pose)
+        reason = await session.run_turn(turn.run)
+        await session.flushed()
+        return PromptResponse(stop_reason=reason)
+
+    async def cancel(self, session_id: str, meta: dict[str, Any] | None = None) -> None:
+        """End the turn. Whoever may prompt in a session may cancel in it."""
+        del meta
+        self._authorized(Right.PROMPT)
+        (await self._session(session_id)).cancel()
+
+    # Settings
+
+    async def set_session_mode(self, session_id: str, mode_id: str, meta: dict[str, Any] | None = None) -> None:
+        """Change the mode, from the next tool call on."""
+        del meta
+        await self.set_config_option("mode", session_id, mode_id)
+
+    async def set_config_option(
+        self, config_id: str, session_id: str, value: str | bool, type: str | None = None, meta: Any = None
+    ) -> dict[str, Any]:
+        """Change the mode or the model."""
+        del type, meta
+        self._authorized(Right.CONFIGURE)
+        session = await self._own(session_id)
+        try:
+            updates = options.change(session, config_id, value, self._house.models)
+        except ValueError as error:
+            raise RequestError(wire.INVALID_PARAMS, str(error)) from None
+        for update in updates:
+            session.record(update)
+        return {"configOptions": options.config_options(session, self._house.models)}
+
+    # Extensions
+
+    async def ext_method(self, name: str, params: dict[str, Any]) -> dict[str, Any]:
+        """`_robot/stop` for everyone, `_robot/release` for supervisors."""
+        del params
+        try:
+            if name == "robot/stop":
+                return await self._house.link.stop(self._known().name)
+            if name == "robot/release":
+                return await self._house.link.release(self._authorized(Right.RELEASE).name)
+        except RobotLinkError as error:
+            raise RequestError(wire.INTERNAL_ERROR, str(error)) from None
+        raise RequestError(wire.METHOD_NOT_FOUND, f"There is no method _{name}.")
+
+    async def ext_notification(self, name: str, params: dict[str, Any]) -> None:
+        """Unknown notifications are ignored, as the protocol says."""
+
+    # Who may do what
+
+    def _known(self) -> Identity:
+        who = self._connection.identity
+        if who is None:
+            raise RequestError(wire.AUTH_REQUIRED, "Log in first: authenticate with a login token.")
+        if who.expired:
+            raise RequestError(wire.AUTH_REQUIRED, "This login token has expired. Ask for a new one.")
+        return who
+
+    def _authorized(self, right: Right) -> Identity:
+        who = self._known()
+        if not who.may(right):
+            raise RequestError(wire.NOT_ALLOWED, f"A {who.role.value} may not {right.value.replace('_', ' ')}.")
+        return who
+
+    async def _session(self, session_id: str) -> Session:
+        session = await self._house.sessions.get(session_id, self._known())
+        if session is None:
+            raise RequestError(wire.INVALID_PARAMS, f"There is no session {session_id[:64]}.")
+        return session
+
+    async def _own(self, session_id: str) -> Session:
+        """A session that this person may change: an own one, or anyone's for a supervisor."""
+        session = await self._session(session_id)
+        who = self._known()
+        if session.row.owner != who.name and not who.may(Right.TAKE_OVER):
+            raise RequestError(wire.NOT_ALLOWED, f"This session is {session.row.owner}'s. Begin one of your own.")
+        return session
+
+    def _refuse_servers(self, servers: list[Any] | None) -> None:
+        if servers:
+            raise RequestError(
+                wire.INVALID_PARAMS,
+                "This robot takes no MCP servers from clients. Send an empty mcpServers list.",
+            )
+
+    async def _attach(self, session: Session, after: int | None = None) -> None:
+        self._attached[session.id] = session
+        if after is None:
+            await session.attach(self._connection)
+            return
+
+        def replay(upto: int) -> Any:
+            return self._house.sessions.replay(session, after, upto)
+
+        await session.attach(self._connection, replay)
+
+    def _opened(self, session: Session) -> dict[str, Any]:
+        answer = options.state(session, self._house.models)
+        if session.turn_id is not None:
+            answer["_meta"] = {_TURN: {"id": session.turn_id, "state": "running"}}
+        return answer
+
+    def _follow_robot(self, wanted: Any) -> None:
+        if isinstance(wanted, dict):
+            self._feed = TelemetryFeed(self._house, self._connection, wanted.get("rate"))

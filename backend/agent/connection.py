@@ -1,0 +1,219 @@
+"""One client connection of the agent: checked frames in, one ordered outbox out.
+
+Everything that goes to the client, answers, questions and the events of its sessions, passes the one outbox, so
+their order on the wire is the order in which they were made. A client that does not read is cut off; it never
+makes anybody wait. No text of an exception leaves through here.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import uuid
+from collections import deque
+from typing import Any
+
+import orjson
+from acp.connection import Connection
+from acp.exceptions import RequestError
+from acp.router import MessageRouter
+from pydantic import ValidationError
+
+from backend import wire
+from backend.identity import Identity, Right
+
+log = logging.getLogger(__name__)
+
+MAX_OUTBOX_BYTES = 64 * 1024 * 1024
+"""What waits for a client that does not read; beyond it the client is cut off."""
+ROOM_BYTES = 1024 * 1024
+META_ARGUMENT = "meta"
+"""The SDK spreads `_meta` over a handler's arguments; here it arrives whole, under this one name."""
+
+
+class ClientConnection:
+    """The SDK's transport over an NDJSON stream, and a session's listener.
+
+    `identity` is set by `initialize` or `authenticate`; it is None before.
+    """
+
+    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, local: bool) -> None:
+        self.id = uuid.uuid4().hex[:8]
+        self.local = local
+        self.identity: Identity | None = None
+        self.initialized = False
+        self.client_capabilities: dict[str, Any] = {}
+        self._reader = reader
+        self._writer = writer
+        self._outbox: deque[bytes] = deque()
+        self._outbox_bytes = 0
+        self._filled = asyncio.Event()
+        self._drained = asyncio.Event()
+        self._drained.set()
+        self._closed = False
+        self._asked = 0
+        self._answers: dict[str, asyncio.Future[Any]] = {}
+        """The questions to the client that are open, by request id."""
+
+    @property
+    def name(self) -> str:
+        """Who this is, for people."""
+        return self.identity.name if self.identity else "somebody"
+
+    @property
+    def may_approve(self) -> bool:
+        """Whether permission questions go to this connection."""
+        return self.identity is not None and self.identity.may(Right.APPROVE)
+
+    async def serve(self, router: MessageRouter) -> None:
+        """Handle messages until the client goes away."""
+        rpc = Connection(_Guarded(router), self, listening=False)
+        sender = asyncio.create_task(self._send_outbox(), name=f"outbox {self.id}")
+        try:
+            await rpc.main_loop()
+        finally:
+            for answer in self._answers.values():
+                if not answer.done():
+                    answer.set_exception(ConnectionError("the client is gone"))
+            await rpc.close()
+            sender.cancel()
+            with contextlib.suppress(asyncio.CancelledError, OSError):
+                await sender
+            self._writer.close()
+            with contextlib.suppress(OSError):
+                await self._writer.wait_closed()
+
+    # What the SDK wants of a transport.
+
+    async def receive(self) -> dict[str, Any] | None:
+        """The next checked message; None at the end. What is wrong is answered here, and reading goes on."""
+        while not self._closed:
+            try:
+                line = await wire.read_line(self._reader)
+                if line is None:
+                    return None
+                frame = wire.check(line)
+            except wire.BadFrame as bad:
+                if not self.initialized:
+                    return None  # whoever speaks first and wrongly is no ACP client: a web page, a port scan
+                if bad.reply is not None:
+                    self.deliver(bad.reply + b"\n")
+                continue
+            except OSError:
+                return None
+            if not self.initialized:
+                if frame.kind != "request" or frame.method != "initialize":
+                    return None
+                self.initialized = True
+            if frame.kind == "response":
+                self._take_answer(frame)
+                continue
+            return _with_wrapped_meta(frame.body)
+        return None
+
+    def _take_answer(self, frame: wire.Frame) -> None:
+        answer = self._answers.get(str(frame.id))
+        if answer is None or answer.done():
+            return  # a second answer, or one to a question that was withdrawn
+        if "error" in frame.body:
+            answer.set_exception(RequestError(wire.INTERNAL_ERROR, "The client answered with an error."))
+        else:
+            answer.set_result(frame.body["result"])
+
+    async def send(self, message: dict[str, Any]) -> None:
+        """Send an answer or a question soon."""
+        self.deliver(orjson.dumps(message, option=orjson.OPT_APPEND_NEWLINE))
+
+    async def close(self) -> None:
+        """Stop reading; what is in the outbox still goes out."""
+        self._closed = True
+
+    # What a session wants of a listener.
+
+    def deliver(self, frame: bytes) -> None:
+        """Put a line into the outbox; a client that has let too much pile up is cut off."""
+        if self._closed:
+            return
+        self._outbox.append(frame)
+        self._outbox_bytes += len(frame)
+        self._drained.clear()
+        self._filled.set()
+        if self._outbox_bytes > MAX_OUTBOX_BYTES:
+            log.warning("connection %s of %s does not read; it is cut off", self.id, self.name)
+            self._closed = True
+            self._writer.transport.abort()
+
+    async def room(self) -> None:
+        """Return when little waits in the outbox, or nothing will any more."""
+        while self._outbox_bytes > ROOM_BYTES and not self._closed:
+            await self._drained.wait()
+
+    async def request(self, method: str, params: dict[str, Any]) -> Any:
+        """Ask the client. Cancelling withdraws the question with `$/cancel_request`.
+
+        Raises `RequestError` for an error response, `ConnectionError` when the client is gone.
+        """
+        if self._closed:
+            raise ConnectionError("the client is gone")
+        self._asked += 1
+        request_id = f"p{self._asked}"
+        answer = self._answers[request_id] = asyncio.get_running_loop().create_future()
+        await self.send({"jsonrpc": "2.0", "id": request_id, "method": method, "params": params})
+        try:
+            return await answer
+        except asyncio.CancelledError:
+            await self.notify("$/cancel_request", {"requestId": request_id})
+            raise
+        finally:
+            del self._answers[request_id]
+
+    async def notify(self, method: str, params: dict[str, Any]) -> None:
+        """Tell the client something that belongs to no session."""
+        await self.send({"jsonrpc": "2.0", "method": method, "params": params})
+
+    async def _send_outbox(self) -> None:
+        while True:
+            await self._filled.wait()
+            self._filled.clear()
+            lines = b"".join(self._outbox)
+            self._outbox.clear()
+            self._writer.write(lines)
+            try:
+                await self._writer.drain()
+            except OSError:
+                self._closed = True
+            self._outbox_bytes -= len(lines)
+            self._drained.set()
+
+
+class _Guarded:
+    """The router, with errors made safe for strangers."""
+
+    def __init__(self, router: MessageRouter) -> None:
+        self._router = router
+
+    async def __call__(self, method: str, params: Any | None, is_notification: bool) -> Any:
+        try:
+            return await self._router(method, params if params is not None else {}, is_notification)
+        except RequestError:
+            if is_notification:
+                return None  # an unknown or refused notification is ignored
+            raise
+        except ValidationError as error:
+            where = [{"at": ".".join(map(str, e["loc"])), "problem": e["type"]} for e in error.errors()[:10]]
+            raise RequestError.invalid_params({"errors": where}) from None
+        except Exception as error:
+            reference = uuid.uuid4().hex[:8]
+            log.exception("%s failed (reference %s)", method, reference)
+            message = f"Something went wrong inside the agent. Its log says what, under {reference}."
+            raise RequestError(wire.INTERNAL_ERROR, message) from error
+
+
+def _with_wrapped_meta(body: dict[str, Any]) -> dict[str, Any]:
+    params = body.get("params")
+    if isinstance(params, dict) and "_meta" in params:
+        meta = params["_meta"]
+        wrapped = {META_ARGUMENT: meta} if isinstance(meta, dict) else {}
+        return body | {"params": params | {"_meta": wrapped}}
+    return body

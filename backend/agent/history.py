@@ -1,0 +1,157 @@
+"""What the model remembers: chat messages, computed from a session's events and from nothing else.
+
+So a session that is loaded after a restart has the memory that it had before. No I/O, no clock. The log is
+never shortened here; only what the model gets is.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+PLAN_TOOL = "update_plan"
+PHOTO_NOTE = "The picture that was just taken:"
+"""Begins the message that shows a photo to a model that can see; it is not a person's."""
+MAX_CHARS = 60_000
+"""What the model gets of the past, at most; whole turns are left out, the oldest first."""
+
+Message = dict[str, Any]
+
+
+class History:
+    """Fed with every update of a session in order, it holds the chat messages that tell the same story."""
+
+    def __init__(self) -> None:
+        self._turns: list[list[Message]] = []
+        self._tools: dict[str, str] = {}
+        self._plans = 0
+        self._turn_id: str | None = None
+        self.interrupted: str | None = None
+        """The id of a turn that began and has not ended; None otherwise."""
+
+    @property
+    def open_calls(self) -> list[str]:
+        """The ids of tool calls that were announced and have not ended."""
+        return list(self._tools)
+
+    def apply(self, update: dict[str, Any]) -> None:
+        """Take in one update."""
+        kind = update["sessionUpdate"]
+        meta = update.get("_meta") or {}
+        if turn := meta.get("robot-acp/turn"):
+            self.interrupted = turn["id"] if turn["state"] == "running" else None
+        if kind == "user_message_chunk":
+            self._user(update["content"], (turn or {}).get("id"))
+        elif kind == "agent_message_chunk":
+            self._assistant_text(update["content"].get("text", ""))
+        elif kind == "plan":
+            self._plan(update["entries"])
+        elif kind == "tool_call":
+            self._tool_call(update, meta.get("robot-acp/tool", update["title"]))
+        elif kind == "tool_call_update" and update.get("status") in ("completed", "failed"):
+            self._tool_result(update)
+
+    def messages(self, max_chars: int = MAX_CHARS) -> list[Message]:
+        """The newest whole turns that fit into `max_chars`, and always the last one."""
+        kept: list[list[Message]] = []
+        size = 0
+        for turn in reversed(self._turns):
+            size += sum(_size(message) for message in turn)
+            if kept and size > max_chars:
+                break
+            kept.append(turn)
+        return [message for turn in reversed(kept) for message in turn]
+
+    def _user(self, block: dict[str, Any], turn_id: str | None) -> None:
+        part = _as_part(block)
+        if turn_id is not None and turn_id == self._turn_id:  # a further block of the same prompt
+            self._turns[-1][0]["content"].append(part)
+        else:
+            self._turn_id = turn_id
+            self._turns.append([{"role": "user", "content": [part]}])
+
+    def _assistant_text(self, text: str) -> None:
+        turn = self._current()
+        last = turn[-1] if turn else None
+        if last and last["role"] == "assistant" and "tool_calls" not in last:
+            last["content"] += text
+        else:
+            turn.append({"role": "assistant", "content": text})
+
+    def _plan(self, entries: list[dict[str, Any]]) -> None:
+        self._plans += 1
+        call_id = f"plan{self._plans}"
+        arguments = [{"content": e["content"], "status": e["status"]} for e in entries]
+        self._call(call_id, PLAN_TOOL, {"entries": arguments})
+        self._current().append({"role": "tool", "tool_call_id": call_id, "name": PLAN_TOOL, "content": "shown"})
+
+    def _tool_call(self, update: dict[str, Any], tool: str) -> None:
+        self._tools[update["toolCallId"]] = tool
+        self._call(update["toolCallId"], tool, update.get("rawInput") or {})
+
+    def _call(self, call_id: str, tool: str, arguments: object) -> None:
+        function = {"name": tool, "arguments": json.dumps(arguments, ensure_ascii=False)}
+        calls = [{"id": call_id, "type": "function", "function": function}]
+        turn = self._current()
+        last = turn[-1] if turn else None
+        if last and last["role"] == "assistant" and "tool_calls" not in last:
+            last["tool_calls"] = calls  # what it said just before is part of the same message
+        else:
+            turn.append({"role": "assistant", "content": None, "tool_calls": calls})
+
+    def _tool_result(self, update: dict[str, Any]) -> None:
+        call_id = update["toolCallId"]
+        tool = self._tools.pop(call_id, None)
+        if tool is None:
+            return
+        text = _result_text(update)
+        self._current().append({"role": "tool", "tool_call_id": call_id, "name": tool, "content": text})
+        for item in update.get("content") or []:
+            if item.get("type") == "content" and item["content"].get("type") == "image":
+                note = {"type": "text", "text": PHOTO_NOTE}
+                self._current().append({"role": "user", "content": [note, _as_part(item["content"])]})
+
+    def _current(self) -> list[Message]:
+        if not self._turns:
+            self._turns.append([])
+        return self._turns[-1]
+
+
+def _size(message: Message) -> int:
+    """Characters of the texts in a message; a picture counts as a thousand."""
+    content = message.get("content") or ""
+    if isinstance(content, list):
+        content = "".join(part.get("text", " " * 1000) for part in content)
+    calls = message.get("tool_calls", [])
+    return len(content) + sum(len(call["function"]["arguments"]) for call in calls)
+
+
+def _as_part(block: dict[str, Any]) -> Message:
+    """A content block of ACP as a content part of a chat message."""
+    match block.get("type"):
+        case "text":
+            return {"type": "text", "text": block["text"]}
+        case "image":
+            url = f"data:{block.get('mimeType', 'image/png')};base64,{block['data']}"
+            return {"type": "image_url", "image_url": {"url": url}}
+        case "resource" if "text" in block.get("resource", {}):
+            resource = block["resource"]
+            return {"type": "text", "text": f"[{resource.get('uri', 'attachment')}]\n{resource['text']}"}
+        case "resource_link":
+            return {"type": "text", "text": f"[{block.get('name', 'link')}: {block.get('uri', '')}]"}
+        case other:
+            return {"type": "text", "text": f"[{other}: cannot be read here]"}
+
+
+def _result_text(update: dict[str, Any]) -> str:
+    """What the model is told of a finished tool call: the structured output, else the text, never bulk data."""
+    texts = [
+        item["content"]["text"]
+        for item in update.get("content") or []
+        if item.get("type") == "content" and item["content"].get("type") == "text"
+    ]
+    if update["status"] == "failed":
+        return "Error: " + (" ".join(texts) or "failed")
+    if update.get("rawOutput") is not None:
+        return json.dumps(update["rawOutput"], ensure_ascii=False)
+    return "\n".join(texts) or "done"

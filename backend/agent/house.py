@@ -1,0 +1,24 @@
+"""What the connections of one agent share: settings, sessions, the robot's tools and state, what turns work with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from backend.agent.journal import Journal
+from backend.agent.robot_link import RobotLink
+from backend.agent.sessions import Sessions
+from backend.agent.turn import Workbench
+from backend.config import Settings
+
+
+@dataclass(frozen=True)
+class House:
+    """One agent. `models` are the names that people may choose, the default first."""
+
+    settings: Settings
+    signing_key: bytes
+    sessions: Sessions
+    journal: Journal
+    link: RobotLink
+    bench: Workbench
+    models: tuple[str, ...]

@@ -1,0 +1,183 @@
+"""One inference: chat messages in, a stream of text, thinking and tool calls out. All models are behind litellm.
+
+litellm takes seconds to import, so it is loaded on a thread when the agent starts, and this is the only file that
+imports it. Errors that a person can mend become `ModelError`, with what to do.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import os
+from collections.abc import AsyncIterator
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+
+from backend.agent.history import PHOTO_NOTE, Message
+
+log = logging.getLogger(__name__)
+
+OFFLINE_MODEL = "offline/commands"
+
+
+class ModelError(Exception):
+    """The model cannot be used; the text says why and what a person can do."""
+
+
+@dataclass(frozen=True)
+class Text:
+    """Words for people."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Thinking:
+    """Words of the model to itself, where it shows them."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Call:
+    """A tool that the model wants to run. `arguments` is None when they were no JSON object."""
+
+    name: str
+    arguments: dict[str, Any] | None
+
+
+@dataclass(frozen=True)
+class Usage:
+    """Tokens of the context that are used, and how many there can be."""
+
+    used: int
+    size: int
+
+
+Part = Text | Thinking | Call | Usage
+
+
+@dataclass
+class _PartialCall:
+    name: str = ""
+    arguments: list[str] = field(default_factory=list)
+
+
+@cache
+def _litellm() -> Any:
+    # Without this it fetches a price list over the network at import.
+    os.environ.setdefault("LITELLM_LOCAL_MODEL_COST_MAP", "True")
+    import litellm
+
+    from backend.agent.offline.provider import register
+
+    litellm.telemetry = False
+    litellm.suppress_debug_info = True
+    logging.getLogger("LiteLLM").setLevel(logging.WARNING)
+    register(litellm)
+    return litellm
+
+
+async def load() -> None:
+    """Load litellm and run the offline model once, off the event loop, so that the first prompt is quick."""
+    await asyncio.to_thread(_litellm)
+    tool = {
+        "type": "function",
+        "function": {"name": "look", "parameters": {"type": "object", "properties": {}}},
+    }
+    async for _ in stream(OFFLINE_MODEL, [{"role": "user", "content": "battery"}], [tool]):
+        pass
+
+
+async def stream(model: str, messages: list[Message], tools: list[dict[str, Any]]) -> AsyncIterator[Part]:
+    """Run one inference. Tool calls come at the end, whole. Raises `ModelError`."""
+    litellm = await asyncio.to_thread(_litellm)
+    calls: dict[int, _PartialCall] = {}
+    try:
+        if not _sees(litellm, model):
+            messages = _without_pictures(messages)
+        response = await litellm.acompletion(
+            model=model,
+            messages=messages,
+            stream=True,
+            stream_options={"include_usage": True},
+            **({"tools": tools} if tools else {}),
+        )
+        async for chunk in response:
+            if usage := getattr(chunk, "usage", None):
+                yield Usage(int(usage.total_tokens), _context_size(litellm, model))
+            if not chunk.choices:
+                continue
+            delta = chunk.choices[0].delta
+            if thinking := getattr(delta, "reasoning_content", None):
+                yield Thinking(thinking)
+            if delta.content:
+                yield Text(delta.content)
+            for piece in delta.tool_calls or ():
+                call = calls.setdefault(piece.index, _PartialCall())
+                call.name += piece.function.name or ""
+                call.arguments.append(piece.function.arguments or "")
+    except asyncio.CancelledError:
+        raise
+    except Exception as error:  # litellm raises what its providers raise; all of it is about the model
+        log.info("model %s failed: %s", model, type(error).__name__, exc_info=log.isEnabledFor(logging.DEBUG))
+        raise _explained(litellm, model, error) from error
+    for _, call in sorted(calls.items()):
+        yield Call(call.name, _arguments("".join(call.arguments)))
+
+
+def _arguments(text: str) -> dict[str, Any] | None:
+    try:
+        parsed = json.loads(text or "{}")
+    except ValueError:
+        return None
+    return parsed if isinstance(parsed, dict) else None
+
+
+def _sees(litellm: Any, model: str) -> bool:
+    return bool(litellm.supports_vision(model=model))
+
+
+def _context_size(litellm: Any, model: str) -> int:
+    try:
+        return int(litellm.get_model_info(model)["max_input_tokens"] or 0)
+    except Exception:
+        return 0  # a model that the price list does not know
+
+
+def _without_pictures(messages: list[Message]) -> list[Message]:
+    """What a model that cannot see gets: the photos left out, a person's pictures named."""
+    kept: list[Message] = []
+    for message in messages:
+        content = message.get("content")
+        if not isinstance(content, list):
+            kept.append(message)
+            continue
+        if content and content[0].get("text") == PHOTO_NOTE:
+            continue
+        texts = [p["text"] if p["type"] == "text" else "[a picture that this model cannot see]" for p in content]
+        kept.append(message | {"content": "\n".join(texts)})
+    return kept
+
+
+def _explained(litellm: Any, model: str, error: Exception) -> ModelError:
+    """The sentence for people. Texts of exceptions stay in the log: they can hold keys and addresses."""
+    missing = [k for k in litellm.validate_environment(model).get("missing_keys") or [] if "KEY" in k or "TOKEN" in k]
+    name = type(error).__name__
+    if missing:
+        return ModelError(
+            f"The model {model} needs a key: set {' or '.join(missing)} where the agent runs and start it again, "
+            f"or choose another model."
+        )
+    reasons = {
+        "AuthenticationError": "refused the key. Check the key, or choose another model.",
+        "RateLimitError": "is asked too often just now. Wait a minute, or choose another model.",
+        "BadRequestError": "is not known or did not take the request. Check its name, or choose another model.",
+        "NotFoundError": "is not known to its provider. Check the name, or choose another model.",
+        "ContextWindowExceededError": "cannot take in a conversation this long. Start a new session.",
+        "Timeout": "did not answer in time. Try again, or choose another model.",
+    }
+    reason = reasons.get(name, f"cannot be used just now ({name}). Check its name and the network, or choose another.")
+    return ModelError(f"The model {model} {reason}")

@@ -1,0 +1,209 @@
+"""The command grammar as a chat model: messages and tools in, text and tool calls out, with no memory of its own.
+
+Each call looks at the last thing a person said, at what was done about it since, and gives the next step. So a
+refusal, a failure or a restart in between needs no state here.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass, field
+from typing import Any
+
+from backend.agent.offline import report
+from backend.agent.offline.grammar import (
+    Action,
+    GoBack,
+    GoTo,
+    GoToPoint,
+    Say,
+    TakePhoto,
+    TellBattery,
+    TellPlaces,
+    TellPose,
+    Turn,
+    parse,
+)
+from backend.agent.offline.places import Node, find, read_map, unknown
+from backend.agent.offline.toolbox import Toolbox
+
+_PLAN = "update_plan"
+_START = re.compile(r"started with the robot at x=([-\d.e]+), y=([-\d.e]+)(?:, yaw=([-\d.e]+))?")
+
+Call = tuple[str, dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Reply:
+    """What the model answers: text, and the tools it wants to run."""
+
+    text: str = ""
+    calls: list[Call] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Done:
+    """A tool call of this turn and what came back."""
+
+    tool: str
+    result: str
+
+    @property
+    def failed(self) -> bool:
+        """Whether it came back as an error."""
+        return self.result.startswith("Error: ")
+
+
+def respond(messages: list[dict[str, Any]], tools: list[dict[str, Any]]) -> Reply:
+    """The next step about the last message of a person; without tools, what is about to be done."""
+    system = "\n".join(_text(m) for m in messages if m["role"] == "system")
+    asked, since = _last_turn(messages)
+    actions = parse(asked)
+    if not tools:
+        return Reply(report.intention(actions, _listed(system, "ask a person first")))
+    book = Toolbox(tools)
+    if not actions:
+        return Reply(report.help_text(book.abilities()))
+    past = [d for d in _done(since) if d.tool != _PLAN]
+    return _Turn(book, actions, system, past, _last_plan(since)).next()
+
+
+class _Turn:
+    """One person's request, the actions it stands for, and how far they are."""
+
+    def __init__(
+        self, book: Toolbox, actions: list[Action], system: str, past: list[Done], shown: list[str] | None
+    ) -> None:
+        self._book = book
+        self._actions = actions
+        self._start = _START.search(system)
+        self._past = past
+        self._shown = shown
+        self._nodes: list[Node] = []
+
+    def next(self) -> Reply:
+        needs_map = any(isinstance(a, GoTo | TellPlaces) for a in self._actions)
+        outcomes = self._past
+        if needs_map:
+            reading = self._book.map()
+            if reading is None:
+                return Reply("I have no map to look places up in.")
+            if not self._past:
+                return self._step(0, reading)
+            first, outcomes = self._past[0], self._past[1:]
+            self._nodes = read_map(first.result)
+            if first.failed or not self._nodes:
+                return Reply(f"I could not read the map. {report.reason(first.result)}")
+            if problem := self._unclear_place():
+                return Reply(problem)
+        return self._continue(outcomes)
+
+    def _continue(self, outcomes: list[Done]) -> Reply:
+        told: list[str] = []
+        position = 0
+        for position, action in enumerate(self._actions):
+            if isinstance(action, TellPlaces):
+                told.append("I know these places: " + ", ".join(n.name for n in self._nodes) + ".")
+                continue
+            if not outcomes:
+                call = self._call(action)
+                return self._step(position, call) if call else self._finish([*told, report.impossible(action)])
+            outcome, outcomes = outcomes[0], outcomes[1:]
+            told.append(report.outcome(action, outcome.result, outcome.failed))
+            if outcome.failed and isinstance(action, GoTo | GoToPoint | GoBack):
+                return self._finish(told + report.left_out(self._actions[position + 1 :]))
+        if self._plan_is_stale(len(self._actions)):
+            return Reply(calls=[self._plan_call(len(self._actions))])
+        return self._finish(told)
+
+    def _finish(self, told: list[str]) -> Reply:
+        return Reply(" ".join(told))
+
+    def _step(self, position: int, call: Call) -> Reply:
+        plan = [self._plan_call(position)] if self._plan_is_stale(position) else []
+        return Reply(calls=[*plan, call])
+
+    def _plan_is_stale(self, position: int) -> bool:
+        return len(self._actions) > 1 and self._book.has(_PLAN) and self._shown != self._statuses(position)
+
+    def _statuses(self, position: int) -> list[str]:
+        count = len(self._actions)
+        return ["completed" if i < position else "in_progress" if i == position else "pending" for i in range(count)]
+
+    def _plan_call(self, position: int) -> Call:
+        statuses = self._statuses(position)
+        entries = [
+            {"content": report.plan_entry(action), "status": status}
+            for action, status in zip(self._actions, statuses, strict=True)
+        ]
+        return _PLAN, {"entries": entries}
+
+    def _unclear_place(self) -> str | None:
+        for action in self._actions:
+            if isinstance(action, GoTo):
+                found = find(action.place, self._nodes)
+                if not found:
+                    return unknown(action.place, self._nodes)
+                if len(found) > 1:
+                    return f"Which one do you mean: {', '.join(n.name for n in found)}?"
+        return None
+
+    def _call(self, action: Action) -> Call | None:
+        book = self._book
+        match action:
+            case GoTo(place):
+                node = find(place, self._nodes)[0]
+                return book.drive_to_place(node.name, node.x, node.y, node.yaw)
+            case GoToPoint(x, y, yaw):
+                return book.drive_to_point(x, y, yaw)
+            case GoBack():
+                if self._start is None:
+                    return None
+                heading = self._start[3]
+                yaw = None if heading is None else float(heading)
+                return book.drive_to_point(float(self._start[1]), float(self._start[2]), yaw)
+            case Say(text):
+                return book.say(text)
+            case Turn(degrees):
+                return book.turn(degrees)
+            case TakePhoto():
+                return book.photo()
+            case TellBattery():
+                return book.status()
+            case TellPose():
+                return book.pose()
+            case TellPlaces():
+                return None
+
+
+def _text(message: dict[str, Any]) -> str:
+    content = message.get("content") or ""
+    return content if isinstance(content, str) else " ".join(part.get("text", "") for part in content)
+
+
+def _last_turn(messages: list[dict[str, Any]]) -> tuple[str, list[dict[str, Any]]]:
+    for index in range(len(messages) - 1, -1, -1):
+        if messages[index]["role"] == "user":
+            return _text(messages[index]), messages[index + 1 :]
+    return "", []
+
+
+def _done(since: list[dict[str, Any]]) -> list[Done]:
+    names = {c["id"]: c["function"]["name"] for m in since for c in m.get("tool_calls") or ()}
+    return [Done(names.get(m["tool_call_id"], ""), _text(m)) for m in since if m["role"] == "tool"]
+
+
+def _last_plan(since: list[dict[str, Any]]) -> list[str] | None:
+    plans = [
+        json.loads(c["function"]["arguments"])["entries"]
+        for m in since
+        for c in m.get("tool_calls") or ()
+        if c["function"]["name"] == _PLAN
+    ]
+    return [entry["status"] for entry in plans[-1]] if plans else None
+
+
+def _listed(system: str, what: str) -> list[str]:
+    found = re.search(rf"Tools that {what}: ([^\n]*)\.", system)
+    return found[1].split(", ") if found else []

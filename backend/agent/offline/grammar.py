@@ -1,0 +1,237 @@
+"""Commands in English, as a list of actions. Plain functions over text; knows nothing about this robot.
+
+"Go to lab 2.3.7 and tell them that the meeting is at noon, then come back" is three actions. What is quoted, or
+follows "that", is speech up to the next ", then …" or the end.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class GoTo:
+    """Drive to a place, in the person's words."""
+
+    place: str
+
+
+@dataclass(frozen=True)
+class GoToPoint:
+    """Drive to a point of the map, in m; `yaw` in rad."""
+
+    x: float
+    y: float
+    yaw: float | None = None
+
+
+@dataclass(frozen=True)
+class GoBack:
+    """Drive to where the session started."""
+
+
+@dataclass(frozen=True)
+class Say:
+    """Say a sentence aloud."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Turn:
+    """Turn on the spot, in degrees, left (counter-clockwise) positive."""
+
+    degrees: float
+
+
+@dataclass(frozen=True)
+class TakePhoto:
+    """Take a picture and show it."""
+
+
+@dataclass(frozen=True)
+class TellBattery:
+    """Tell how much charge is left."""
+
+
+@dataclass(frozen=True)
+class TellPose:
+    """Tell where the robot is."""
+
+
+@dataclass(frozen=True)
+class TellPlaces:
+    """Tell which places there are."""
+
+
+Action = GoTo | GoToPoint | GoBack | Say | Turn | TakePhoto | TellBattery | TellPose | TellPlaces
+
+_GO = r"(?:go|drive|navigate|move|head|walk|come|run|get)"
+_TAKE = r"(?:take|bring|guide|lead|show|accompany)\s+(?:me|us)"
+_SAY = r"(?:say|tell|announce|speak|inform|let\s+\S+(?:\s+\S+)?\s+know|deliver)"
+_VERB = (
+    rf"(?:please\s+)?(?:{_GO}\b|{_TAKE}\b|{_SAY}\b|visit\b|return\b|turn\b|rotate\b|spin\b|look\b|photograph\b"
+    rf"|(?:take|make|shoot|show\s+me)\s+an?\s+(?:photo|picture)|(?:tell|show)\s+me\b|what\b|where\b|how\b|check\b)"
+)
+_STRONG = re.compile(
+    rf"\s*(?:[,;.]\s*(?:and\s+)?then|;|\s+and\s+then|\s+then|,?\s+after\s+that,?|[.!?]\s)\s*,?\s*(?={_VERB})",
+    re.I,
+)
+_WEAK = re.compile(rf"\s*(?:,\s*(?:and\s+)?|\s+and\s+)(?={_VERB})", re.I)
+_WEAK_BACK = re.compile(r"\s*(?:,\s*(?:and\s+)?|\s+and\s+)(?=(?:come|go|drive|head)\s+back\b|return\b)", re.I)
+_POLITE = re.compile(
+    r"^(?:(?:hey|hi|hello|ok|okay|now|please|then|and|so)\b[\s,]*|(?:can|could|would|will)\s+you\s+(?:please\s+)?"
+    r"|i\s+(?:want|need)\s+you\s+to\s+)",
+    re.I,
+)
+_CALLED = re.compile(rf"^\w+\s*,\s*(?={_VERB})", re.I)
+_QUOTE = re.compile(r"[\"“”«]([^\"“”«»]*)[\"“”»]|(?<!\w)'([^']*)'(?!\w)")
+_NUMBER = r"[-+]?\d+(?:\.\d+)?"
+_POINT = re.compile(
+    rf"^(?:the\s+)?(?:point|position|coordinates?|pose)?\s*\(?\s*(?:x\s*[=:]?\s*)?({_NUMBER})\s*(?:m\b)?\s*"
+    rf"(?:,|\s|and)\s*(?:y\s*[=:]?\s*)?({_NUMBER})\s*(?:m\b)?\s*\)?$",
+    re.I,
+)
+_START = (
+    r"(?:where|the\s+(?:place|point|spot|position)\s+where)\s+(?:you|we|it|this\s+session)"
+    r"\s+(?:started|began|were|came\s+from)"
+)
+_BACK = re.compile(
+    rf"^(?:(?:{_GO})\s+back|return|come\s+home|go\s+home)\s*(?:(?:to|from)\s+(?:{_START}(?:\s+from)?"
+    r"|(?:the|your)\s+(?:start|starting\s+(?:point|position|place)|origin|beginning)))?$",
+    re.I,
+)
+_THEM = r"(?:them|everyone|everybody|people|the\s+people|him|her|us|it|all|the\s+team|visitors|the\s+visitors)"
+
+
+def parse(text: str) -> list[Action]:
+    """The actions that `text` asks for, in order; an empty list when any part of it is not understood."""
+    quotes: list[str] = []
+
+    def keep(match: re.Match[str]) -> str:
+        quotes.append(match.group(1) if match.group(1) is not None else match.group(2))
+        return f"\x00{len(quotes) - 1}\x00"
+
+    masked = _QUOTE.sub(keep, re.sub(r"\s+", " ", text).strip())
+    actions: list[Action] = []
+    for clause in _clauses(masked):
+        found = _clause(clause, quotes)
+        if not found:
+            return []
+        actions += found
+    return actions
+
+
+def _clauses(text: str) -> list[str]:
+    parts: list[str] = []
+    for part in _STRONG.split(_bare(text)):
+        speech = re.match(rf"(?:please\s+)?{_SAY}\b", _bare(part), re.I)
+        is_question = re.match(r"tell\s+me\b", _bare(part), re.I)
+        parts += (_WEAK_BACK if speech and not is_question else _WEAK).split(part, maxsplit=1)
+        while not speech and len(_WEAK.split(parts[-1], maxsplit=1)) > 1:
+            if re.match(rf"(?:please\s+)?{_SAY}\b", parts[-1], re.I):
+                break
+            parts += _WEAK.split(parts.pop(), maxsplit=1)
+        if not speech and re.match(rf"(?:please\s+)?{_SAY}\b", parts[-1], re.I):
+            parts += _WEAK_BACK.split(parts.pop(), maxsplit=1)
+    return [bare for part in parts if (bare := _bare(part))]
+
+
+def _bare(text: str) -> str:
+    """Without greetings, politeness, a name at the front, and a full stop at the end."""
+    text = text.strip().strip(",;")
+    while True:
+        shorter = _CALLED.sub("", _POLITE.sub("", text)).strip()
+        if shorter == text:
+            return text.rstrip(" .!?") if "\x00" not in text[-2:] else text
+        text = shorter
+
+
+def _clause(clause: str, quotes: list[str]) -> list[Action]:
+    for rule in (_looking, _moving, _speaking):
+        if found := rule(clause, quotes):
+            return found
+    return []
+
+
+def _looking(clause: str, _quotes: list[str]) -> list[Action]:
+    if re.search(r"\b(?:photo|picture|photograph)\b|what\s+(?:do|can)\s+you\s+see|^look\s+around", clause, re.I):
+        return [TakePhoto()]
+    if re.search(r"\bbattery\b|\bcharged?\b.*\b(?:left|are|is)\b|how\s+much\s+(?:charge|power)", clause, re.I):
+        return [TellBattery()]
+    if re.search(
+        r"where\s+(?:are\s+(?:you|we)|(?:you|we)\s+are|am\s+i|is\s+the\s+robot)|your\s+(?:position|pose|location)",
+        clause,
+        re.I,
+    ):
+        return [TellPose()]
+    if re.search(
+        r"where\s+can\s+you|(?:which|what)\s+(?:\w+\s+)?(?:places|rooms|labs)|(?:list|show)\b.*\bplaces",
+        clause,
+        re.I,
+    ):
+        return [TellPlaces()]
+    return []
+
+
+def _moving(clause: str, _quotes: list[str]) -> list[Action]:
+    if _BACK.match(clause):
+        return [GoBack()]
+    if turn := re.match(r"(?:turn|rotate|spin)\b\s*(?P<rest>.*)$", clause, re.I):
+        return _turn(turn["rest"].lower())
+    going = re.match(
+        rf"(?:(?:{_GO})\s+(?:back\s+)?(?:to|into|over\s+to)|return\s+to|visit|{_TAKE}\s+(?:to|the\s+way\s+to))\s+(?P<place>.+)$",
+        clause,
+        re.I,
+    )
+    if not going:
+        return []
+    if point := _POINT.match(going["place"]):
+        return [GoToPoint(float(point[1]), float(point[2]))]
+    return [GoTo(_place(going["place"]))]
+
+
+def _turn(rest: str) -> list[Action]:
+    number = re.search(_NUMBER, rest)
+    if number is None and "around" in rest:
+        return [Turn(180.0)]
+    if number is None and not re.search(r"\b(?:left|right)\b", rest):
+        return []
+    degrees = float(number[0]) if number else 90.0
+    clockwise = re.search(r"\bright\b|(?<!counter)(?<!counter-)(?<!anti)\bclockwise\b", rest)
+    return [Turn(-degrees if clockwise else degrees)]
+
+
+def _speaking(clause: str, quotes: list[str]) -> list[Action]:
+    delivery = re.match(
+        r"deliver\s+(?:the\s+)?(?:message\s+)?(?P<text>\x00\d+\x00|.+?)\s+to\s+(?P<place>.+)$", clause, re.I
+    )
+    if delivery:
+        return [GoTo(_place(delivery["place"])), Say(_sentence(delivery["text"], quotes))]
+    telling = re.match(
+        rf"(?:tell|inform|let)\s+(?:(?P<them>{_THEM})|(?P<place>.+?))\s+(?:know\s+)?(?:that\s+|:\s*|(?=\x00))(?P<text>.+)$",
+        clause,
+        re.I,
+    ) or re.match(rf"(?:tell|inform|let)\s+(?P<them>{_THEM})(?P<place>)\s+(?:know\s+)?(?P<text>.+)$", clause, re.I)
+    if telling:
+        said = Say(_sentence(telling["text"], quotes))
+        return [said] if telling["them"] else [GoTo(_place(telling["place"])), said]
+    saying = re.match(
+        rf"(?:say|announce|speak)\s*(?:aloud|out\s+loud)?\s*(?:to\s+{_THEM}\s*)?(?:that\s+|:\s*)?(?P<text>.+)$",
+        clause,
+        re.I,
+    )
+    return [Say(_sentence(saying["text"], quotes))] if saying else []
+
+
+def _place(text: str) -> str:
+    text = re.sub(r"^(?:the|a|your|our)\s+", "", text.strip(), flags=re.I)
+    people = r"^(?:(?:everyone|everybody|people|those|the\s+people|the\s+team|them)\s+(?:in|at)\s+)(?:the\s+)?"
+    return re.sub(people, "", text, flags=re.I)
+
+
+def _sentence(text: str, quotes: list[str]) -> str:
+    spoken = re.sub(r"\x00(\d+)\x00", lambda m: quotes[int(m[1])], text.strip()).strip().lstrip(":").strip()
+    spoken = spoken[:1].upper() + spoken[1:]
+    return spoken if spoken[-1:] in ".!?…" else spoken + "."

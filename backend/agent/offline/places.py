@@ -1,0 +1,77 @@
+"""Finds the place that a person means among the nodes of a topological map, as a reader of the map would."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import re
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Node:
+    """A named place of the map."""
+
+    id: str
+    name: str
+    kind: str
+    x: float
+    y: float
+    yaw: float
+
+
+def read_map(text: str) -> list[Node]:
+    """The nodes in a map tool's answer; an empty list when it holds none."""
+    try:
+        raw = json.loads(text)
+    except ValueError:
+        return []
+    entries = raw.get("nodes", []) if isinstance(raw, dict) else []
+    return [node for entry in entries if (node := _node(entry))]
+
+
+def _node(entry: Any) -> Node | None:
+    try:
+        where = entry["position"]
+        name = str(entry.get("name") or entry["id"])
+        yaw = float(where.get("yaw", 0.0))
+        return Node(str(entry["id"]), name, str(entry.get("type", "")), float(where["x"]), float(where["y"]), yaw)
+    except (KeyError, TypeError, ValueError, AttributeError):
+        return None
+
+
+def find(wanted: str, nodes: list[Node]) -> list[Node]:
+    """The nodes that `wanted` can mean: one when it is clear, several when it is not, none when unknown."""
+    key = _key(wanted)
+    exact = [n for n in nodes if key in (_key(n.name), _key(n.id))]
+    if exact:
+        return exact[:1]
+    if key in ("home", "charger", "chargingstation", "dock", "dockingstation"):
+        return [n for n in nodes if n.kind == "docking"][:1]
+    words = _words(wanted)
+    return [n for n in nodes if words and _mentions(_words(n.name), words)]
+
+
+def unknown(wanted: str, nodes: list[Node]) -> str:
+    """The sentence for a place that does not exist, the most similar names first."""
+    names = [n.name for n in nodes]
+    ranked = sorted(names, key=lambda n: -difflib.SequenceMatcher(None, _key(wanted), _key(n)).ratio())
+    return f"No place called {wanted}. Known places: {', '.join(ranked)}."
+
+
+def _key(text: str) -> str:
+    return re.sub(r"[^\w]|_", "", text.lower())
+
+
+def _words(text: str) -> list[str]:
+    return re.findall(r"[a-z]+|\d+", text.lower())
+
+
+def _mentions(name: list[str], wanted: list[str]) -> bool:
+    """Whether `wanted` can be short for `name`: all of its words are there, and a number is never a part of one.
+
+    "lab 9" is not lab 2.3.9: driving to a guess is worse than asking.
+    """
+    numbers = [w for w in wanted if w.isdigit()]
+    return set(wanted) <= set(name) and (not numbers or numbers == [w for w in name if w.isdigit()])

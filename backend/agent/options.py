@@ -1,0 +1,98 @@
+"""What people can set in a session, mode and model, as ACP publishes it: as modes, as config options, and as the
+`models` of older clients; and the cursor of the session list.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from typing import Any
+
+from backend.agent import present
+from backend.agent.policy import MODE_IDS, MODES
+from backend.agent.session import Session
+from backend.agent.sessions import PAGE
+from backend.agent.store import SessionRow
+
+
+def state(session: Session, models: Sequence[str]) -> dict[str, Any]:
+    """The part of a session's answer that tells its settings."""
+    current = session.row.model
+    return {
+        "modes": {
+            "currentModeId": session.row.mode,
+            "availableModes": [{"id": m.id, "name": m.name, "description": m.description} for m in MODES],
+        },
+        "configOptions": config_options(session, models),
+        "models": {
+            "currentModelId": current,
+            "availableModels": [{"modelId": name, "name": name} for name in _with(models, current)],
+        },
+    }
+
+
+def config_options(session: Session, models: Sequence[str]) -> list[dict[str, Any]]:
+    """All settings with their values."""
+    return [
+        {
+            "id": "mode",
+            "name": "Mode",
+            "category": "mode",
+            "type": "select",
+            "currentValue": session.row.mode,
+            "options": [{"value": m.id, "name": m.name, "description": m.description} for m in MODES],
+        },
+        {
+            "id": "model",
+            "name": "Model",
+            "category": "model",
+            "type": "select",
+            "currentValue": session.row.model,
+            "options": [{"value": name, "name": name} for name in _with(models, session.row.model)],
+        },
+    ]
+
+
+def change(session: Session, config_id: str, value: object, models: Sequence[str]) -> list[present.Update]:
+    """Set an option and return the updates that tell everyone. Raises `ValueError` with what can be chosen."""
+    updates: list[present.Update] = []
+    if config_id == "mode":
+        if value not in MODE_IDS:
+            raise ValueError(f"There is no such mode. Modes: {', '.join(m.id for m in MODES)}.")
+        session.change(mode=value)
+        updates.append(present.current_mode(str(value)))
+    elif config_id == "model":
+        if value not in models:
+            raise ValueError(f"There is no such model. Models: {', '.join(models)}.")
+        session.change(model=value)
+    else:
+        raise ValueError("There is no such setting. Settings: mode, model.")
+    return [*updates, present.config_options(config_options(session, models))]
+
+
+def iso(time: float) -> str:
+    """Unix seconds as ISO 8601 in UTC."""
+    return datetime.fromtimestamp(time, UTC).isoformat()
+
+
+def next_cursor(rows: Sequence[SessionRow]) -> str | None:
+    """Where the next page begins; None at the end."""
+    if len(rows) < PAGE:
+        return None
+    return base64.urlsafe_b64encode(f"{rows[-1].updated!r} {rows[-1].id}".encode()).decode()
+
+
+def read_cursor(cursor: str | None) -> tuple[float, str] | None:
+    """What `next_cursor` made; None, the beginning, for anything else."""
+    if cursor is None:
+        return None
+    try:
+        updated, session_id = base64.urlsafe_b64decode(cursor).decode().split(" ")
+        return float(updated), session_id
+    except ValueError:
+        return None
+
+
+def _with(models: Sequence[str], current: str) -> list[str]:
+    return list(dict.fromkeys([*models, current]))

@@ -1,0 +1,152 @@
+"""Questions to people: may the robot do this? Everyone who may approve is asked; the first valid answer counts.
+
+Only an `allow_*` option that was offered allows. A rejection, an answer that makes no sense, no answer in
+time, nobody to ask, a lost connection: all of these refuse. The rest of the askers see the question withdrawn.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from typing import Any, Literal, Protocol
+
+from acp.schema import RequestPermissionResponse
+from pydantic import ValidationError
+
+log = logging.getLogger(__name__)
+
+Reason = Literal["selected", "remembered", "timeout", "nobody"]
+
+OPTION_KINDS = ("allow_once", "allow_always", "reject_once", "reject_always")
+
+
+class Approver(Protocol):
+    """A connection that can be asked. `request` ends with the client's result, and raises on an error or a
+    lost connection; cancelling it withdraws the question at the client."""
+
+    @property
+    def name(self) -> str:
+        """Who this is, for people."""
+
+    async def request(self, method: str, params: dict[str, Any]) -> Any: ...
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How a question ended. `allowed` is true only for a chosen `allow_*` option; `by` is who chose."""
+
+    allowed: bool
+    reason: Reason
+    option: str | None = None
+    by: str | None = None
+
+    @property
+    def remembered(self) -> bool:
+        """Whether it is to count for this tool for the rest of the session."""
+        return self.reason == "selected" and self.option in ("allow_always", "reject_always")
+
+
+def options(subject: str) -> list[dict[str, str]]:
+    """The four answers, in words for people; `subject` is what the tool does, as in "speech"."""
+    names = ("Allow", f"Allow {subject} in this session", "Don't", f"Never {subject} in this session")
+    return [{"optionId": k, "name": n, "kind": k} for k, n in zip(OPTION_KINDS, names, strict=True)]
+
+
+def read_answer(result: Any) -> str | None:
+    """The option that a client's answer chose, if it is one of those offered; else None, which refuses."""
+    try:
+        outcome = RequestPermissionResponse.model_validate(result).outcome
+    except ValidationError:
+        return None
+    option = getattr(outcome, "option_id", None)
+    return option if option in OPTION_KINDS else None
+
+
+@dataclass(eq=False)
+class Question:
+    """One pending question and the clients that see it."""
+
+    params: dict[str, Any]
+    verdict: asyncio.Future[Verdict]
+    asked: dict[Approver, asyncio.Task[None]] = field(default_factory=dict)
+
+
+class PermissionDesk:
+    """The pending questions of one session."""
+
+    def __init__(self, timeout_s: float, spawn: Callable[[Any], asyncio.Task[None]]) -> None:
+        self._timeout_s = timeout_s
+        self._spawn = spawn
+        self._pending: list[Question] = []
+        self._approvers: list[Approver] = []
+
+    def attach(self, approver: Approver) -> None:
+        """Someone who may approve has come: show what is pending, and ask from now on."""
+        self._approvers.append(approver)
+        for question in self._pending:
+            self._put(question, approver)
+
+    def detach(self, approver: Approver) -> None:
+        """Someone has gone; a question that nobody sees any more is refused."""
+        if approver not in self._approvers:
+            return
+        self._approvers.remove(approver)
+        for question in list(self._pending):
+            if task := question.asked.pop(approver, None):
+                task.cancel()
+            if not question.asked and not question.verdict.done():
+                question.verdict.set_result(Verdict(False, "nobody"))
+
+    async def ask(self, session_id: str, tool_call: dict[str, Any], subject: str, asker: str) -> Verdict:
+        """Ask everyone who may approve, and wait for the first valid answer, at most for the time limit.
+
+        Cancelling the call withdraws the question everywhere.
+        """
+        if not self._approvers:
+            return Verdict(False, "nobody")
+        expires = datetime.now(UTC) + timedelta(seconds=self._timeout_s)
+        params = {
+            "sessionId": session_id,
+            "toolCall": tool_call,
+            "options": options(subject),
+            "_meta": {
+                "robot-acp/expires": expires.isoformat(),
+                "robot-acp/timeout_s": self._timeout_s,
+                "robot-acp/asker": asker,
+            },
+        }
+        question = Question(params, asyncio.get_running_loop().create_future())
+        self._pending.append(question)
+        for approver in self._approvers:
+            self._put(question, approver)
+        try:
+            async with asyncio.timeout(self._timeout_s):
+                return await question.verdict
+        except TimeoutError:
+            return Verdict(False, "timeout")
+        finally:
+            self._pending.remove(question)
+            for task in question.asked.values():
+                task.cancel()
+
+    def _put(self, question: Question, approver: Approver) -> None:
+        question.asked[approver] = self._spawn(self._put_to(question, approver))
+
+    async def _put_to(self, question: Question, approver: Approver) -> None:
+        try:
+            option = read_answer(await approver.request("session/request_permission", question.params))
+        except Exception as error:  # an error response or a lost connection; it must not break the turn
+            log.info("no answer from %s: %s", approver.name, type(error).__name__)
+            option = None
+        if question.verdict.done():
+            return
+        if option is not None:
+            allowed = option.startswith("allow_")
+            question.verdict.set_result(Verdict(allowed, "selected", option, approver.name))
+            return
+        question.asked.pop(approver, None)
+        if not question.asked:  # whoever was left to ask gave no answer that counts
+            question.verdict.set_result(Verdict(False, "nobody"))

@@ -1,0 +1,94 @@
+"""What a mode lets a tool do: allow, ask a person first, or deny. Deterministic; the model cannot change it.
+
+THE PERMISSION RULE is `decide`, and it is the only one. A tool that the table names follows the table; any
+other is judged by its MCP annotations, which are hints of the robot server; one without annotations asks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from backend.config import Decision as Decision  # the three words are also those of robot.toml
+
+Mode = Literal["observe", "plan", "movement", "supervised", "autonomous"]
+
+
+@dataclass(frozen=True)
+class ModeInfo:
+    """How a mode is shown to people."""
+
+    id: str
+    name: str
+    description: str
+
+
+MODES: tuple[ModeInfo, ...] = (
+    ModeInfo("observe", "Observe", "Looks and answers; nothing moves, nothing is said aloud."),
+    ModeInfo("plan", "Plan", "Computes paths and shows them; nothing moves."),
+    ModeInfo("movement", "Movement", "Drives without asking; says nothing aloud."),
+    ModeInfo("supervised", "Supervised", "Drives without asking; asks before it speaks or does anything else."),
+    ModeInfo("autonomous", "Autonomous", "Acts without asking."),
+)
+MODE_IDS = frozenset(mode.id for mode in MODES)
+
+_MOTION = ("navigate_to_pose", "navigate_to_place", "rotate_in_place")
+_SPEECH = ("speak",)
+
+
+def _row(motion: Decision, speech: Decision) -> dict[str, Decision]:
+    return dict.fromkeys(_MOTION, motion) | dict.fromkeys(_SPEECH, speech)
+
+
+DEFAULT_TABLE: dict[str, dict[str, Decision]] = {
+    "observe": _row("deny", "deny"),
+    "plan": _row("deny", "deny"),  # motion still computes its path: see `previews`
+    "movement": _row("allow", "deny"),
+    "supervised": _row("allow", "ask"),
+    "autonomous": _row("allow", "allow"),
+}
+
+_OTHER_ACTING: dict[str, Decision] = {
+    "observe": "deny",
+    "plan": "deny",
+    "movement": "ask",
+    "supervised": "ask",
+    "autonomous": "allow",
+}
+
+
+@dataclass(frozen=True)
+class ToolTraits:
+    """What policy needs to know of a tool: its name, and what its annotations say (None: they say nothing)."""
+
+    name: str
+    read_only: bool | None
+    can_preview: bool = False
+
+
+class Policy:
+    """The table of robot.toml over the defaults."""
+
+    def __init__(self, overrides: dict[str, dict[str, Decision]] | None = None) -> None:
+        """Raises `ValueError` for a mode that does not exist."""
+        overrides = overrides or {}
+        if unknown := set(overrides) - MODE_IDS:
+            raise ValueError(f"[agent.policy] names no mode {sorted(unknown)[0]!r}; modes: {', '.join(MODES_IN_ORDER)}")
+        self._table = {mode: DEFAULT_TABLE[mode] | overrides.get(mode, {}) for mode in MODES_IN_ORDER}
+
+    def decide(self, mode: str, tool: ToolTraits) -> Decision:
+        """Whether `tool` may run in `mode`."""
+        if named := self._table[mode].get(tool.name):
+            return named
+        if tool.read_only:
+            return "allow"
+        if tool.read_only is None and mode not in ("observe", "plan"):
+            return "ask"  # it says nothing of itself: it may do anything
+        return _OTHER_ACTING[mode]
+
+    def previews(self, mode: str, tool: ToolTraits) -> bool:
+        """Whether `tool` runs as a mere computation of its path in `mode`."""
+        return mode == "plan" and tool.can_preview
+
+
+MODES_IN_ORDER = tuple(mode.id for mode in MODES)

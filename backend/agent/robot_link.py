@@ -1,0 +1,113 @@
+"""What the agent hears of the robot beside its tools: the telemetry stream, and the stop path.
+
+Needs a robot server that has them; with any other MCP server the link stays down and everything else works. It
+never moves the robot.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections.abc import Callable
+from typing import Any
+from urllib.parse import urlsplit
+
+import httpx
+import msgspec
+from websockets.asyncio.client import connect
+from websockets.exceptions import WebSocketException
+
+from backend import telemetry
+
+log = logging.getLogger(__name__)
+
+RATE_HZ = 20.0
+RETRY_S = 1.0
+REST_TIMEOUT_S = 5.0
+STALE_S = 1.0
+
+Watcher = Callable[["telemetry.State | None"], None]
+
+
+class RobotLinkError(Exception):
+    """The robot server did not take a stop or a release; the text says what to do."""
+
+
+class RobotLink:
+    """The latest state of the robot. `state` is None while the robot server is away."""
+
+    def __init__(self, mcp_url: str, bearer: str | None) -> None:
+        self._base = f"http://{urlsplit(mcp_url).netloc}" if mcp_url.startswith("http") else None
+        self._headers = {"Authorization": f"Bearer {bearer}"} if bearer else {}
+        self.state: telemetry.State | None = None
+        self._news = asyncio.Condition()
+        self._watchers: set[Watcher] = set()
+
+    def watch(self, watcher: Watcher) -> Callable[[], None]:
+        """Call `watcher` on each new state, and with None when the robot is lost; returns how to end that."""
+        self._watchers.add(watcher)
+        return lambda: self._watchers.discard(watcher)
+
+    async def run(self) -> None:
+        """Follow the robot until cancelled."""
+        if self._base is None:
+            return
+        url = self._base.replace("http", "ws", 1) + "/telemetry"
+        while True:
+            with contextlib.suppress(OSError, WebSocketException, TimeoutError, msgspec.DecodeError):
+                async with connect(url, additional_headers=self._headers, max_size=2**26) as socket:
+                    await socket.send(telemetry.encode(telemetry.Subscribe(["state"], RATE_HZ)))
+                    async for frame in socket:
+                        if isinstance(frame, bytes):
+                            await self._take(telemetry.decode(frame))
+            if self.state is not None:
+                log.warning("lost the robot's telemetry; trying again every %g s", RETRY_S)
+            await self._set(None)
+            await asyncio.sleep(RETRY_S)
+
+    async def _take(self, message: telemetry.AnyMessage) -> None:
+        if isinstance(message, telemetry.State):
+            await self._set(message)
+
+    async def _set(self, state: telemetry.State | None) -> None:
+        self.state = state
+        for watcher in list(self._watchers):
+            watcher(state)
+        async with self._news:
+            self._news.notify_all()
+
+    async def at_rest(self) -> None:
+        """Return when the robot stands still and follows no goal; at once when nothing is known of it."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(REST_TIMEOUT_S), self._news:
+                if self.state is None:
+                    return
+                await self._news.wait()  # the state at hand is older than the question
+                await self._news.wait_for(self._resting)
+                return
+        log.error("the robot is not at rest %g s after the halt", REST_TIMEOUT_S)
+
+    def _resting(self) -> bool:
+        state = self.state
+        return state is None or (state.motion is None and state.twist.linear == 0 and state.twist.angular == 0)
+
+    async def stop(self, by: str) -> dict[str, Any]:
+        """Latch the stop in the robot server. Raises `RobotLinkError`."""
+        return await self._post("/stop", by)
+
+    async def release(self, by: str) -> dict[str, Any]:
+        """Release the stop. Raises `RobotLinkError`."""
+        return await self._post("/release", by)
+
+    async def _post(self, path: str, by: str) -> dict[str, Any]:
+        if self._base is None:
+            raise RobotLinkError("This robot server has no stop path. Use the robot's own stop.")
+        try:
+            async with httpx.AsyncClient(headers=self._headers, timeout=3.0, trust_env=False) as client:
+                response = await client.post(self._base + path, json={"by": by})
+                response.raise_for_status()
+                return dict(response.json())
+        except (httpx.HTTPError, ValueError) as error:
+            log.error("%s failed: %s", path, type(error).__name__)
+            raise RobotLinkError("The robot server did not take it. Use the robot's own stop button.") from error

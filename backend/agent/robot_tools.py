@@ -1,0 +1,261 @@
+"""The robot's tools, over one MCP connection that is kept: connected once, tools listed once, renewed when it breaks.
+
+Knows MCP and nothing of what the tools do; any MCP server can stand here.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import shlex
+import string
+from collections.abc import AsyncIterator, Callable
+from dataclasses import dataclass
+from typing import Any
+
+import anyio
+import mcp
+import mcp_types
+from mcp.client.stdio import StdioServerParameters, stdio_client
+from mcp.client.streamable_http import streamable_http_client
+from mcp.shared._httpx_utils import create_mcp_http_client
+from mcp.shared.exceptions import MCPError
+
+from backend.agent.policy import ToolTraits
+
+log = logging.getLogger(__name__)
+
+CONNECT_TIMEOUT_S = 5.0
+PREVIEW_ARGUMENT = "plan_only"
+_TITLE_META = "robot-acp/title"
+
+
+class RobotUnavailable(Exception):
+    """The robot server does not answer; the text says what to do."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a call is: `fraction` from 0 to 1 where known, and words for people."""
+
+    fraction: float | None
+    message: str
+
+
+@dataclass(frozen=True)
+class ToolResult:
+    """What a call returned: ACP content blocks for people, structured output for programs."""
+
+    failed: bool
+    content: list[dict[str, Any]]
+    structured: Any
+
+    @property
+    def text(self) -> str:
+        """The text blocks, joined."""
+        return " ".join(block["text"] for block in self.content if block["type"] == "text")
+
+
+@dataclass(frozen=True)
+class Tool:
+    """One tool as its server describes it."""
+
+    name: str
+    description: str
+    parameters: dict[str, Any]
+    title: str
+    title_template: str | None
+    read_only: bool | None
+
+    @property
+    def traits(self) -> ToolTraits:
+        """What the policy looks at."""
+        return ToolTraits(self.name, self.read_only, PREVIEW_ARGUMENT in self.parameters.get("properties", {}))
+
+    @property
+    def schema(self) -> dict[str, Any]:
+        """As litellm wants it."""
+        function = {"name": self.name, "description": self.description, "parameters": self.parameters}
+        return {"type": "function", "function": function}
+
+    def title_for(self, arguments: dict[str, Any]) -> str:
+        """A sentence for people about this very call."""
+        if self.title_template:
+            with contextlib.suppress(KeyError, ValueError, IndexError, AttributeError, TypeError):
+                return _PlainFormatter().format(self.title_template, **arguments)
+        shown = ", ".join(f"{key} {value}" for key, value in arguments.items())
+        return f"{self.title}: {shown}" if shown else self.title
+
+
+class _PlainFormatter(string.Formatter):
+    """Format strings come from a server: plain names only, no attributes, no indices."""
+
+    def get_field(self, field_name: str, args: Any, kwargs: Any) -> Any:
+        return kwargs[field_name], field_name
+
+
+ProgressCallback = Callable[[Progress], None]
+
+
+class RobotTools:
+    """The connection to one MCP server: an `http(s)://` URL, or `stdio:COMMAND`."""
+
+    def __init__(self, url: str, bearer: str | None = None) -> None:
+        self._url = url
+        self._bearer = bearer
+        self._lock = asyncio.Lock()
+        self._client: mcp.Client | None = None
+        self._lost = asyncio.Event()
+        self._owner: asyncio.Task[None] | None = None
+        self._tools: dict[str, Tool] = {}
+
+    async def close(self) -> None:
+        """Disconnect."""
+        async with self._lock:
+            await self._drop()
+
+    async def tools(self) -> dict[str, Tool]:
+        """The tools by name. Raises `RobotUnavailable`."""
+        await self._connected()
+        return self._tools
+
+    async def call(
+        self, name: str, arguments: dict[str, Any], on_progress: ProgressCallback | None = None
+    ) -> ToolResult:
+        """Run a tool to its end. Cancelling this cancels the tool, which halts the robot.
+
+        Raises `RobotUnavailable` when the server is gone; a tool that fails is a result with `failed`.
+        """
+        client = await self._connected()
+
+        async def report(progress: float, total: float | None, message: str | None) -> None:
+            if on_progress:
+                on_progress(Progress(progress / total if total else None, message or ""))
+
+        try:
+            result = await client.call_tool(name, arguments, progress_callback=report)
+        except MCPError as error:
+            if await self._still_there(client):
+                return ToolResult(True, [{"type": "text", "text": error.message}], None)
+            await self._forget(client)
+            raise self._unavailable() from error
+        except (OSError, RuntimeError, anyio.ClosedResourceError, anyio.BrokenResourceError) as error:
+            await self._forget(client)
+            raise self._unavailable() from error
+        content = [shown for block in result.content if (shown := _as_acp(block))]
+        return ToolResult(result.is_error, content, result.structured_content)
+
+    async def _connected(self) -> mcp.Client:
+        async with self._lock:
+            if self._client is None:
+                await self._connect()
+            assert self._client is not None  # noqa: S101 - `_connect` sets it or raises
+            return self._client
+
+    async def _connect(self) -> None:
+        """Start the task that owns the connection, and wait until it stands.
+
+        The client's task group must be entered and left by one and the same task, hence the owner.
+        """
+        ready: asyncio.Future[mcp.Client] = asyncio.get_running_loop().create_future()
+        self._lost = asyncio.Event()
+        self._owner = asyncio.create_task(self._own(ready, self._lost), name="mcp connection")
+        try:
+            async with asyncio.timeout(CONNECT_TIMEOUT_S):
+                self._client = await asyncio.shield(ready)
+        except Exception as error:
+            await self._drop()
+            raise self._unavailable() from error
+
+    async def _own(self, ready: asyncio.Future[mcp.Client], lost: asyncio.Event) -> None:
+        try:
+            async with (
+                self._transport() as transport,
+                mcp.Client(transport, read_timeout_seconds=None) as client,
+            ):
+                self._tools = {tool.name: tool for tool in await _list(client)}
+                ready.set_result(client)
+                await lost.wait()
+        except Exception as error:
+            if not ready.done():
+                ready.set_exception(error)
+            else:
+                log.info("the connection to the robot server broke: %s", type(error).__name__)
+
+    @contextlib.asynccontextmanager
+    async def _transport(self) -> AsyncIterator[Any]:
+        if self._url.startswith("stdio:"):
+            command, *arguments = shlex.split(self._url.removeprefix("stdio:"))
+            yield stdio_client(StdioServerParameters(command=command, args=arguments))
+        else:
+            headers = {"Authorization": f"Bearer {self._bearer}"} if self._bearer else None
+            async with create_mcp_http_client(headers=headers) as http:
+                yield streamable_http_client(self._url, http_client=http)
+
+    async def _still_there(self, client: mcp.Client) -> bool:
+        """Whether the server answers at all: tells a refused call from a lost server."""
+        try:
+            async with asyncio.timeout(CONNECT_TIMEOUT_S):
+                await client.list_tools(cache_mode="bypass")
+        except Exception:
+            return False
+        return True
+
+    async def _forget(self, client: mcp.Client) -> None:
+        async with self._lock:
+            if self._client is client:
+                await self._drop()
+
+    async def _drop(self) -> None:
+        self._client = None
+        owner, self._owner = self._owner, None
+        if owner is not None:
+            self._lost.set()
+            owner.cancel()
+            with contextlib.suppress(asyncio.CancelledError, Exception):
+                await owner
+
+    def _unavailable(self) -> RobotUnavailable:
+        return RobotUnavailable(
+            f"The robot server at {self._url} does not answer. Start it with `robot-acp robot`, then try again."
+        )
+
+
+async def _list(client: mcp.Client) -> list[Tool]:
+    tools: list[Tool] = []
+    cursor: str | None = None
+    while True:
+        page = await client.list_tools(cursor=cursor)
+        tools += [_tool(described) for described in page.tools]
+        cursor = page.next_cursor
+        if cursor is None:
+            return tools
+
+
+def _tool(described: mcp_types.Tool) -> Tool:
+    notes = described.annotations
+    meta = described.meta or {}
+    template = meta.get(_TITLE_META)
+    title = described.title or (notes and notes.title) or described.name.replace("_", " ").capitalize()
+    return Tool(
+        name=described.name,
+        description=described.description or title,
+        parameters=described.input_schema,
+        title=title,
+        title_template=template if isinstance(template, str) else None,
+        read_only=notes.read_only_hint if notes else None,
+    )
+
+
+def _as_acp(block: mcp_types.ContentBlock) -> dict[str, Any] | None:
+    """A content block of MCP as one of ACP; None for what people cannot be shown."""
+    match block:
+        case mcp_types.TextContent(text=text):
+            return {"type": "text", "text": text}
+        case mcp_types.ImageContent(data=data, mime_type=mime):
+            return {"type": "image", "data": data, "mimeType": mime}
+        case mcp_types.AudioContent(data=data, mime_type=mime):
+            return {"type": "audio", "data": data, "mimeType": mime}
+        case _:
+            return None

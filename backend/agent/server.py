@@ -1,0 +1,138 @@
+"""Runs the agent: on TCP, one ACP connection a client, or on stdin and stdout."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import socket
+from collections.abc import AsyncIterator
+from ipaddress import ip_address
+
+from acp.stdio import stdio_streams
+
+from backend import identity, wire
+from backend.agent import model
+from backend.agent.acp_server import AcpServer
+from backend.agent.connection import ClientConnection
+from backend.agent.house import House
+from backend.agent.journal import Journal
+from backend.agent.policy import MODE_IDS, Policy
+from backend.agent.robot_link import RobotLink
+from backend.agent.robot_tools import RobotTools
+from backend.agent.sessions import Sessions
+from backend.agent.store import Store
+from backend.agent.turn import Workbench
+from backend.config import ConfigError, Settings
+
+log = logging.getLogger(__name__)
+
+_STREAM_LIMIT = wire.MAX_FRAME_BYTES + 1
+
+
+async def serve(settings: Settings, *, stdio: bool = False) -> None:
+    """Serve until cancelled, or, on stdio, until the client closes stdin. Raises `ConfigError`, `OSError`."""
+    async with _house(settings) as house:
+        if stdio:
+            await _serve_stdio(house)
+        else:
+            await _serve_tcp(house)
+
+
+async def _serve_tcp(house: House) -> None:
+    where = house.settings.agent
+    clients: set[asyncio.Task[None]] = set()
+
+    async def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        task = asyncio.current_task()
+        assert task is not None  # noqa: S101 - a coroutine always runs in a task
+        clients.add(task)
+        try:
+            plug = writer.get_extra_info("socket")
+            plug.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            await _serve_client(house, reader, writer, local=_is_loopback(writer))
+        finally:
+            clients.discard(task)
+
+    server = await asyncio.start_server(accept, where.host, where.port, limit=_STREAM_LIMIT)
+    log.info("agent on tcp://%s:%d", *server.sockets[0].getsockname()[:2])
+    try:
+        async with server:
+            await server.serve_forever()
+    finally:
+        for task in list(clients):
+            task.cancel()
+        await asyncio.gather(*clients, return_exceptions=True)
+
+
+async def _serve_stdio(house: House) -> None:
+    reader, writer = await stdio_streams(limit=_STREAM_LIMIT)
+    await _serve_client(house, reader, writer, local=True)
+
+
+async def _serve_client(
+    house: House, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, *, local: bool
+) -> None:
+    connection = ClientConnection(reader, writer, local)
+    server = AcpServer(house, connection)
+    log.info("client %s connected", connection.id)
+    try:
+        await connection.serve(server.router())
+    finally:
+        server.left()
+        log.info("client %s (%s) left", connection.id, connection.name)
+
+
+@contextlib.asynccontextmanager
+async def _house(settings: Settings) -> AsyncIterator[House]:
+    """Everything that connections share, running; ended in the reverse order."""
+    agent = settings.agent
+    if agent.default_mode not in MODE_IDS:
+        raise ConfigError(f"agent.default_mode: there is no mode {agent.default_mode!r}.")
+    try:
+        policy = Policy(agent.policy)
+    except ValueError as error:
+        raise ConfigError(str(error)) from None
+    bearer = identity.shared_secret(settings.data_dir, identity.ROBOT_TOKEN).decode()
+    tools = RobotTools(settings.robot_mcp_url, bearer)
+    link = RobotLink(settings.robot_mcp_url, bearer)
+    store = Store(settings.database_url)
+    await store.open()
+    journal = Journal(store)
+    sessions = Sessions(store, journal, tools, agent.pose_tool, agent.permission_timeout)
+    house = House(
+        settings=settings,
+        signing_key=identity.shared_secret(settings.data_dir, identity.SIGNING_KEY),
+        sessions=sessions,
+        journal=journal,
+        link=link,
+        bench=Workbench(settings.robot.name, tools, policy, link, agent.thought_timeout, agent.max_steps),
+        models=tuple(dict.fromkeys([agent.model, *agent.models, model.OFFLINE_MODEL])),
+    )
+    background = [
+        asyncio.create_task(journal.run(), name="journal"),
+        asyncio.create_task(link.run(), name="robot link"),
+        asyncio.create_task(_warm_up(tools), name="warm up"),
+    ]
+    try:
+        yield house
+    finally:
+        await sessions.close()
+        await journal.flush()
+        for task in background:
+            task.cancel()
+        await asyncio.gather(*background, return_exceptions=True)
+        await tools.close()
+        await store.close()
+
+
+async def _warm_up(tools: RobotTools) -> None:
+    """Load the model library and connect to the robot before anybody asks."""
+    with contextlib.suppress(Exception):
+        await tools.tools()  # a robot that is not there yet is no error: the first prompt connects again
+    await model.load()
+
+
+def _is_loopback(writer: asyncio.StreamWriter) -> bool:
+    host = str(writer.get_extra_info("peername")[0]).partition("%")[0]
+    return ip_address(host).is_loopback

@@ -1,0 +1,154 @@
+"""A session in memory: who is attached, what comes next, the turns that wait, the answers that are remembered.
+
+Every event of the session passes `record`, which numbers it; everyone attached gets the same events in the same
+order. A turn belongs to the session and outlives the connection that asked for it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Callable, Coroutine
+from dataclasses import replace
+from typing import Any, Protocol
+
+from backend.agent.history import History
+from backend.agent.journal import Journal
+from backend.agent.permissions import Approver, PermissionDesk
+from backend.agent.store import Event, SessionRow
+
+Spawn = Callable[[Coroutine[Any, Any, None]], "asyncio.Task[None]"]
+Update = dict[str, Any]
+
+
+class Listener(Approver, Protocol):
+    """A connection that watches sessions."""
+
+    @property
+    def may_approve(self) -> bool:
+        """Whether permission questions go to this connection."""
+
+    def deliver(self, frame: bytes) -> None:
+        """Send a frame soon; never waits, never raises."""
+
+    async def room(self) -> None:
+        """Return when the connection can take more, so that a long replay does not pile up."""
+
+
+class Session:
+    """One session. `row` is what is kept of it; `seq` the number of the last event recorded."""
+
+    def __init__(
+        self,
+        row: SessionRow,
+        journal: Journal,
+        history: History,
+        seq: int,
+        permission_timeout_s: float,
+        spawn: Spawn,
+    ) -> None:
+        self.row = row
+        self.history = history
+        self.seq = seq
+        self.desk = PermissionDesk(permission_timeout_s, spawn)
+        self.remembered: dict[str, bool] = {}
+        """Tool name -> allowed, for answers that count for the rest of the session."""
+        self.turn_id: str | None = None
+        """The running turn; None between turns."""
+        self._journal = journal
+        self._shown = seq
+        self._listeners: set[Listener] = set()
+        self._catching_up: dict[Listener, list[Event]] = {}
+        self._one_turn = asyncio.Lock()
+        self._turns: set[asyncio.Task[str]] = set()
+
+    @property
+    def id(self) -> str:
+        """The session id of ACP."""
+        return self.row.id
+
+    @property
+    def watching(self) -> frozenset[Listener]:
+        """The connections that are attached."""
+        return frozenset(self._listeners)
+
+    @property
+    def busy(self) -> bool:
+        """Whether a turn runs or waits."""
+        return bool(self._turns)
+
+    def record(self, update: Update, origin: Listener | None = None) -> None:
+        """Number an update, remember it, keep it, and then show it to everyone attached but `origin`."""
+        self.seq += 1
+        self.history.apply(update)
+        self._journal.append(self.id, self.seq, update, self._show, origin)
+
+    async def flushed(self) -> None:
+        """Return when all that was recorded so far has been kept and shown."""
+        await self._journal.flush()
+
+    def change(self, **fields: object) -> None:
+        """Change columns of `row`, here at once and in the database soon."""
+        self.row = replace(self.row, **fields)  # type: ignore[arg-type] # the fields of SessionRow
+        self._journal.change(self.id, fields)
+
+    def _show(self, event: Event) -> None:
+        self._shown = event.seq
+        for listener in self._listeners:
+            if listener in self._catching_up:
+                self._catching_up[listener].append(event)
+            elif listener is not event.origin:
+                listener.deliver(event.frame)
+
+    async def attach(self, listener: Listener, replay: Callable[[int], AsyncIterator[Event]] | None = None) -> None:
+        """Let a connection watch from now on. With `replay`, first send it the events up to this moment that
+        `replay(upto)` yields; what happens meanwhile follows without a gap, a double or a change of order."""
+        self.detach(listener)
+        self._listeners.add(listener)
+        if replay is not None:
+            self._catching_up[listener] = []
+            try:
+                async for event in replay(self._shown):
+                    listener.deliver(event.frame)
+                    await listener.room()
+            finally:
+                for event in self._catching_up.pop(listener, ()):
+                    listener.deliver(event.frame)
+        if listener.may_approve and listener in self._listeners:
+            self.desk.attach(listener)
+
+    def detach(self, listener: Listener) -> None:
+        """Stop showing events to a connection; its open questions are withdrawn."""
+        self._listeners.discard(listener)
+        self._catching_up.pop(listener, None)
+        self.desk.detach(listener)
+
+    async def run_turn(self, turn: Callable[[], Coroutine[Any, Any, str]]) -> str:
+        """Run a turn when those before it are over, and return its stop reason.
+
+        The turn is a task of its own: when the caller goes away, it runs on.
+        """
+        task = asyncio.create_task(self._in_order(turn), name=f"turn of {self.id}")
+        self._turns.add(task)
+        task.add_done_callback(self._turns.discard)
+        return await asyncio.shield(task)
+
+    async def _in_order(self, turn: Callable[[], Coroutine[Any, Any, str]]) -> str:
+        try:
+            async with self._one_turn:
+                return await turn()
+        except asyncio.CancelledError:
+            return "cancelled"  # it still waited for its turn
+
+    def cancel(self) -> None:
+        """End the running turn, and those that wait."""
+        for task in self._turns:
+            if not task.cancelling():  # a second cancel would interrupt the halting of the robot
+                task.cancel()
+
+    async def close(self) -> None:
+        """Cancel, and wait until nothing of this session runs."""
+        self.cancel()
+        for task in list(self._turns):
+            with contextlib.suppress(asyncio.CancelledError):
+                await task

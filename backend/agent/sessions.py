@@ -1,0 +1,135 @@
+"""All sessions of the agent: made, found again in the database, listed, deleted. Who may see which is decided here."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import time
+import uuid
+from collections.abc import AsyncIterator, Coroutine
+from typing import Any
+
+from backend.agent import present
+from backend.agent.history import History
+from backend.agent.journal import Journal
+from backend.agent.robot_tools import RobotTools, RobotUnavailable
+from backend.agent.session import Session
+from backend.agent.store import Event, SessionRow, Store
+from backend.identity import Identity, Right
+
+log = logging.getLogger(__name__)
+
+PAGE = 50
+POSE_TIMEOUT_S = 2.0
+
+
+class Sessions:
+    """The sessions of one agent, by id. A session comes into memory when somebody opens it."""
+
+    def __init__(
+        self, store: Store, journal: Journal, tools: RobotTools, pose_tool: str, permission_timeout_s: float
+    ) -> None:
+        self._store = store
+        self._journal = journal
+        self._tools = tools
+        self._pose_tool = pose_tool
+        self._permission_timeout_s = permission_timeout_s
+        self._open: dict[str, Session] = {}
+        self._opening = asyncio.Lock()
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    @property
+    def open_sessions(self) -> list[Session]:
+        """Those in memory."""
+        return list(self._open.values())
+
+    async def create(self, owner: str, cwd: str, mode: str, model: str) -> Session:
+        """A new session, with the robot's pose at this moment as its start."""
+        now = time.time()
+        pose = await self.robot_pose()
+        row = SessionRow(uuid.uuid4().hex, owner, None, cwd, mode, model, pose, now, now)
+        await self._store.add_session(row)
+        session = self._in_memory(row, History(), 0)
+        self._open[session.id] = session
+        return session
+
+    async def get(self, session_id: str, identity: Identity) -> Session | None:
+        """The session, if there is one that this person may see."""
+        async with self._opening:
+            session = self._open.get(session_id) or await self._load(session_id)
+        if session is None or not self._visible(session.row, identity):
+            return None
+        return session
+
+    async def page(self, identity: Identity, before: tuple[float, str] | None) -> list[SessionRow]:
+        """Sessions that this person may see, newest first, at most `PAGE`."""
+        owner = identity.name if identity.role == "visitor" else None
+        return await self._store.sessions(owner, before, PAGE)
+
+    async def delete(self, session: Session) -> None:
+        """End and remove a session."""
+        await session.close()
+        await session.flushed()
+        self._open.pop(session.id, None)
+        await self._store.delete_session(session.id)
+
+    async def replay(self, session: Session, after: int, upto: int) -> AsyncIterator[Event]:
+        """The events of a session that have been shown, with `after < seq <= upto`."""
+        for event in await self._store.events(session.id, after, upto):
+            yield event
+
+    async def robot_pose(self) -> dict[str, Any] | None:
+        """What the pose tool says now; None when the robot is not there or has no such tool."""
+        try:
+            async with asyncio.timeout(POSE_TIMEOUT_S):
+                if self._pose_tool not in await self._tools.tools():
+                    return None
+                result = await self._tools.call(self._pose_tool, {})
+        except (RobotUnavailable, TimeoutError):
+            return None
+        return result.structured if not result.failed and isinstance(result.structured, dict) else None
+
+    async def close(self) -> None:
+        """Cancel every turn and wait until the robot is at rest."""
+        for session in self.open_sessions:
+            await session.close()
+        for task in list(self._tasks):
+            task.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await task
+
+    async def _load(self, session_id: str) -> Session | None:
+        row = await self._store.session(session_id)
+        if row is None:
+            return None
+        history = History()
+        seq = 0
+        for event in await self._store.events(session_id):
+            history.apply(event.update)
+            seq = event.seq
+        session = self._in_memory(row, history, seq)
+        self._open[session_id] = session
+        if history.interrupted is not None:
+            self._tell_interruption(session, history.interrupted)
+            await session.flushed()
+        return session
+
+    def _tell_interruption(self, session: Session, turn_id: str) -> None:
+        for call_id in session.history.open_calls:
+            session.record(present.tool_status(call_id, "failed", "interrupted"))
+        session.record(present.message("I was restarted in the middle of this; what was under way has ended."))
+        session.record(present.turn_ended(turn_id, "cancelled"))
+
+    def _in_memory(self, row: SessionRow, history: History, seq: int) -> Session:
+        return Session(row, self._journal, history, seq, self._permission_timeout_s, self._spawn)
+
+    def _spawn(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
+        task = asyncio.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return task
+
+    @staticmethod
+    def _visible(row: SessionRow, identity: Identity) -> bool:
+        return row.owner == identity.name or identity.role != "visitor" or identity.may(Right.TAKE_OVER)

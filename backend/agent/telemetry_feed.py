@@ -1,0 +1,74 @@
+"""`_robot/telemetry`: the robot's small and slow state as notifications, for a client that asked for it.
+
+An extension that a client which does not know it never gets. Latest value only, at a bounded rate.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+import orjson
+
+from backend import telemetry
+
+if TYPE_CHECKING:
+    from backend.agent.connection import ClientConnection
+    from backend.agent.house import House
+
+METHOD = "_robot/telemetry"
+DEFAULT_HZ = 2.0
+MAX_HZ = 10.0
+
+
+class TelemetryFeed:
+    """Sends the robot's state to one connection until closed."""
+
+    def __init__(self, house: House, connection: ClientConnection, rate_hz: object) -> None:
+        wanted = rate_hz if isinstance(rate_hz, int | float) and not isinstance(rate_hz, bool) else DEFAULT_HZ
+        self._every_s = 1 / min(max(float(wanted), 0.1), MAX_HZ)
+        self._house = house
+        self._connection = connection
+        self._sent_at = 0.0
+        self._sent_key: object = None
+        self.close = house.link.watch(self._send)
+        self._send(house.link.state)
+
+    def _send(self, state: telemetry.State | None) -> None:
+        if self._connection.identity is None:
+            return
+        now = time.monotonic()
+        # A change that people wait for goes out at once; the rest at the asked rate.
+        key = (state is None, state and (state.stop, state.motion is None, state.speaking))
+        if key == self._sent_key and now - self._sent_at < self._every_s:
+            return
+        self._sent_at, self._sent_key = now, key
+        message = {"jsonrpc": "2.0", "method": METHOD, "params": self._params(state)}
+        self._connection.deliver(orjson.dumps(message, option=orjson.OPT_APPEND_NEWLINE))
+
+    def _params(self, state: telemetry.State | None) -> dict[str, Any]:
+        turn = next(
+            ({"sessionId": s.id, "by": s.row.owner} for s in self._house.sessions.open_sessions if s.busy),
+            None,
+        )
+        name = self._house.settings.robot.name
+        if state is None:
+            return {"robot": name, "online": False, "turn": turn}
+        return {
+            "robot": state.robot,
+            "online": True,
+            "time": state.time,
+            "pose": _fields(state.pose),
+            "twist": _fields(state.twist),
+            "battery": _fields(state.battery),
+            "motion": _fields(state.motion),
+            "stop": _fields(state.stop),
+            "speaking": state.speaking,
+            "turn": turn,
+        }
+
+
+def _fields(value: Any) -> Any:
+    import msgspec
+
+    return msgspec.to_builtins(value)

@@ -1,0 +1,314 @@
+"""One prompt turn: the ReAct loop of thought, inference and tool calls, until the model has nothing left to do.
+
+The loop proposes, it never decides: whether a call may run is `policy` and `permissions`, whether it is safe is the
+robot server. However a turn ends, every tool call that it announced has ended before.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+import uuid
+from collections.abc import AsyncIterator, Callable
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from backend.agent import model, present, prompts
+from backend.agent.history import PLAN_TOOL, Message
+from backend.agent.permissions import Verdict
+from backend.agent.policy import MODES, Policy
+from backend.agent.robot_tools import PREVIEW_ARGUMENT, Progress, RobotTools, RobotUnavailable, Tool
+from backend.agent.session import Listener, Session
+
+log = logging.getLogger(__name__)
+
+PROGRESS_EVERY_S = 0.5
+CHUNK_EVERY_S = 0.04
+"""Words of a stream are put together for so long: each event is a row of the log."""
+
+Infer = Callable[[str, list[Message], list[dict[str, Any]]], AsyncIterator[model.Part]]
+
+
+class Rest(Protocol):
+    """Something that knows whether the robot moves."""
+
+    async def at_rest(self) -> None:
+        """Return when the robot stands still, or when that cannot be known."""
+
+
+@dataclass(frozen=True)
+class Workbench:
+    """What every turn works with; one for the whole agent."""
+
+    robot_name: str
+    tools: RobotTools
+    policy: Policy
+    rest: Rest
+    thought_timeout_s: float
+    max_steps: int
+    infer: Infer = model.stream
+
+
+@dataclass(eq=False)
+class Turn:
+    """A prompt of `asker` to a session. `run` may be called once."""
+
+    bench: Workbench
+    session: Session
+    asker: str
+    prompt: list[dict[str, Any]]
+    origin: Listener | None
+    id: str = field(default_factory=lambda: uuid.uuid4().hex[:12])
+    _open: list[str] = field(default_factory=list)
+    _calls: int = 0
+    _acted: bool = False
+    _named: str | None = None
+    _usage: present.Update | None = None
+
+    async def run(self) -> str:
+        """Run to the end and return ACP's stop reason. Being cancelled is one of the ends: it returns "cancelled"
+        once the robot is at rest."""
+        self.session.turn_id = self.id
+        for block in self.prompt:
+            self.session.record(present.user_message(block, self.asker, self.id), self.origin)
+        self._named = self._name_session()
+        reason = "end_turn"
+        try:
+            reason = await self._work()
+        except asyncio.CancelledError:
+            reason = "cancelled"
+            self._close_calls("cancelled")
+            if self._acted:
+                await self.bench.rest.at_rest()
+        except (RobotUnavailable, model.ModelError) as error:
+            self._close_calls(str(error))
+            self.session.record(present.message(str(error)))
+        except Exception:
+            # The text of an unknown error is for the log: it can hold anything.
+            log.exception("turn %s failed", self.id)
+            self._close_calls("internal error")
+            self.session.record(present.message("Something went wrong inside the agent; its log says what. Try again."))
+        if self._usage:
+            self.session.record(self._usage)
+        self.session.turn_id = None
+        self.session.record(present.turn_ended(self.id, reason))
+        return reason
+
+    async def _work(self) -> str:
+        tools = await self.bench.tools.tools()
+        system = self._system(tools)
+        thinking = asyncio.create_task(self._think(system), name="preliminary thought")
+        try:
+            return await self._loop(tools, thinking)
+        finally:
+            thinking.cancel()
+            await asyncio.gather(thinking, return_exceptions=True)
+
+    async def _loop(self, tools: dict[str, Tool], thinking: asyncio.Task[None]) -> str:
+        schemas = [tool.schema for tool in tools.values()] + [prompts.PLAN_TOOL_SCHEMA]
+        for _ in range(self.bench.max_steps):
+            # The system message is made anew: the mode may have changed in mid-turn.
+            system = {"role": "system", "content": self._system(tools)}
+            calls = await self._infer([system, *self.session.history.messages()], schemas, thinking)
+            if not calls:
+                return "end_turn"
+            for call in calls:
+                await self._run(call, tools)
+        self.session.record(present.message("I stopped here: this took more steps than I am allowed in one turn."))
+        return "max_turn_requests"
+
+    async def _think(self, system: str) -> None:
+        """The preliminary thought. That it fails is no reason not to go on."""
+        messages = [{"role": "system", "content": prompts.thought(system)}, *self.session.history.messages()]
+        words = _Chunks(lambda text: self.session.record(present.thought(text)))
+        try:
+            async with asyncio.timeout(self.bench.thought_timeout_s):
+                async for part in self.bench.infer(self.session.row.model, messages, []):
+                    if isinstance(part, model.Text):
+                        words.add(part.text)
+        except (TimeoutError, model.ModelError) as error:
+            log.info("no preliminary thought: %s", error or "too slow")
+        words.flush()
+        if self._named:  # only now, so that the thought is the first thing that people see of the turn
+            self.session.record(present.title(self._named))
+
+    async def _infer(
+        self, messages: list[Message], schemas: list[dict[str, Any]], thinking: asyncio.Task[None]
+    ) -> list[model.Call]:
+        """One inference; what it says is shown as it comes, but never before the preliminary thought is."""
+        calls: list[model.Call] = []
+        said = _Chunks(lambda text: self.session.record(present.message(text)))
+        thoughts = _Chunks(lambda text: self.session.record(present.thought(text)))
+        async for part in self.bench.infer(self.session.row.model, messages, schemas):
+            await asyncio.wait([thinking])
+            match part:
+                case model.Text(text):
+                    thoughts.flush()
+                    said.add(text)
+                case model.Thinking(text):
+                    said.flush()
+                    thoughts.add(text)
+                case model.Call():
+                    calls.append(part)
+                case model.Usage(used, size):
+                    self._usage = present.usage(used, size)
+        thoughts.flush()
+        said.flush()
+        return calls
+
+    async def _run(self, call: model.Call, tools: dict[str, Tool]) -> None:
+        if call.name == PLAN_TOOL:
+            self._show_plan(call.arguments)
+            return
+        tool = tools.get(call.name)
+        self._calls += 1
+        call_id = f"{self.id}.{self._calls}"
+        self._open.append(call_id)
+        if tool is None or call.arguments is None:
+            tool = tool or Tool(call.name, "", {}, call.name, None, None)
+            known = f"There is no tool {call.name}." if call.name not in tools else "The arguments are no JSON object."
+            self.session.record(present.tool_call(call_id, tool, call.arguments or {}, "pending"))
+            self._end(call_id, present.tool_status(call_id, "failed", known))
+            return
+        arguments = call.arguments
+        mode = self.session.row.mode
+        preview = self.bench.policy.previews(mode, tool.traits)
+        if preview:
+            arguments = arguments | {PREVIEW_ARGUMENT: True}
+        looks = preview or tool.read_only is True
+        status: present.ToolStatus = "in_progress" if looks else "pending"
+        self.session.record(present.tool_call(call_id, tool, arguments, status))
+        if not preview and not await self._allowed(call_id, tool, arguments):
+            return
+        await self._execute(call_id, tool, arguments, looks)
+
+    async def _allowed(self, call_id: str, tool: Tool, arguments: dict[str, Any]) -> bool:
+        """Whether the call may run; if not, it has been ended with the reason."""
+        mode = self.session.row.mode
+        decision = self.bench.policy.decide(mode, tool.traits)
+        if decision == "deny":
+            name = next(m.name for m in MODES if m.id == mode)
+            self._end(call_id, present.tool_status(call_id, "failed", f"not allowed in the mode {name}"))
+            return False
+        if decision == "allow":
+            return True
+        verdict = await self._ask(call_id, tool, arguments)
+        if not verdict.allowed:
+            text = _refusal(verdict)
+            self._end(call_id, present.tool_status(call_id, "failed", text, verdict))
+            return False
+        # A mode that was changed while people thought about it counts.
+        if self.bench.policy.decide(self.session.row.mode, tool.traits) == "deny":
+            self._end(call_id, present.tool_status(call_id, "failed", "the mode was changed meanwhile", verdict))
+            return False
+        self.session.record(present.tool_status(call_id, "in_progress", verdict=verdict))
+        return True
+
+    async def _ask(self, call_id: str, tool: Tool, arguments: dict[str, Any]) -> Verdict:
+        remembered = self.session.remembered.get(tool.name)
+        if remembered is not None:
+            return Verdict(remembered, "remembered", "allow_always" if remembered else "reject_always")
+        shown = present.tool_call(call_id, tool, arguments, "pending")
+        del shown["sessionUpdate"]
+        # A question must not overtake the announcement of the call that it is about.
+        await self.session.flushed()
+        verdict = await self.session.desk.ask(self.session.id, shown, tool.title, self.asker)
+        if verdict.remembered:
+            self.session.remembered[tool.name] = verdict.allowed
+        return verdict
+
+    async def _execute(self, call_id: str, tool: Tool, arguments: dict[str, Any], looks: bool) -> None:
+        if not looks:
+            self._acted = True
+            self.session.record(present.tool_status(call_id, "in_progress"))
+        last = 0.0
+
+        def show(progress: Progress) -> None:
+            nonlocal last
+            now = time.monotonic()
+            if now - last >= PROGRESS_EVERY_S and call_id in self._open:
+                last = now
+                self.session.record(present.tool_progress(call_id, progress))
+
+        result = await self.bench.tools.call(tool.name, arguments, show)
+        self._end(call_id, present.tool_result(call_id, result))
+
+    def _end(self, call_id: str, update: present.Update) -> None:
+        self._open.remove(call_id)
+        self.session.record(update)
+
+    def _close_calls(self, why: str) -> None:
+        for call_id in list(self._open):
+            self._end(call_id, present.tool_status(call_id, "failed", why))
+
+    def _show_plan(self, arguments: dict[str, Any] | None) -> None:
+        entries = (arguments or {}).get("entries")
+        valid = isinstance(entries, list) and all(
+            isinstance(e, dict)
+            and isinstance(e.get("content"), str)
+            and e.get("status") in ("pending", "in_progress", "completed")
+            for e in entries
+        )
+        if valid and entries:
+            self.session.record(present.plan(entries))
+
+    def _system(self, tools: dict[str, Tool]) -> str:
+        row = self.session.row
+        mode = next(m for m in MODES if m.id == row.mode)
+        judged = {
+            name: self.bench.policy.decide(row.mode, tool.traits)
+            for name, tool in tools.items()
+            if not self.bench.policy.previews(row.mode, tool.traits)
+        }
+        return prompts.system(
+            self.bench.robot_name,
+            mode.name,
+            mode.description,
+            [name for name, decision in judged.items() if decision == "ask"],
+            [name for name, decision in judged.items() if decision == "deny"],
+            row.start_pose,
+        )
+
+    def _name_session(self) -> str | None:
+        """Name a session that has no name after its first prompt."""
+        text = " ".join(block["text"] for block in self.prompt if block.get("type") == "text").strip()
+        if self.session.row.title is not None or not text:
+            return None
+        name = (text[:77] + "…") if len(text) > 78 else text
+        self.session.change(title=name)
+        return name
+
+
+def _refusal(verdict: Verdict) -> str:
+    match verdict.reason:
+        case "selected":
+            return f"refused by {verdict.by}"
+        case "remembered":
+            return "refused: somebody chose to refuse this for the whole session"
+        case "timeout":
+            return "refused: nobody answered in time"
+        case _:
+            return "refused: nobody is there who may allow it"
+
+
+class _Chunks:
+    """Puts the words of a stream together, so that neither the log nor a client gets an event for each."""
+
+    def __init__(self, show: Callable[[str], None]) -> None:
+        self._show = show
+        self._text = ""
+        self._last = time.monotonic()
+
+    def add(self, text: str) -> None:
+        """Take in words; show what has come together when it is time."""
+        self._text += text
+        if time.monotonic() - self._last >= CHUNK_EVERY_S:
+            self.flush()
+
+    def flush(self) -> None:
+        """Show what is left."""
+        if self._text:
+            self._show(self._text)
+            self._text = ""
+            self._last = time.monotonic()

@@ -1,0 +1,100 @@
+"""`WS /acp`: who may connect, to which agent, and what the client is told at the end."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+import uuid
+
+from starlette.types import Receive, Scope, Send
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from backend.bridge.direct import DirectWebSocket
+from backend.bridge.login import Gate, Login, admit_websocket
+from backend.bridge.race import first_of
+from backend.bridge.relay import LOGIN_EXPIRED, NORMAL, SERVICE_RESTART, TRY_AGAIN_LATER, End, Relay
+from backend.bridge.upstream import Agent, AgentDownError
+
+SUBPROTOCOL = "acp.v1"
+
+log = logging.getLogger(__name__)
+
+
+class AcpSocket:
+    """The ASGI endpoint. It keeps count of its connections and nothing else."""
+
+    def __init__(self, gate: Gate, agent: Agent, *, max_frame_bytes: int, max_connections: int) -> None:
+        self._gate = gate
+        self._agent = agent
+        self._limit = max_frame_bytes
+        self._max_connections = max_connections
+        self._open = 0
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Admit one client, then relay until either side is gone."""
+        websocket = WebSocket(scope, receive, send)
+        login = await admit_websocket(self._gate, websocket)
+        if login is None:
+            return
+        connection_id = uuid.uuid4().hex
+        await websocket.accept(
+            subprotocol=SUBPROTOCOL if SUBPROTOCOL in scope["subprotocols"] else None,
+            headers=[(b"acp-connection-id", connection_id.encode())],
+        )
+        who = login.identity
+        log.info("acp %s connected: %s (%s)", connection_id, who.name, who.role.value)
+        started = time.monotonic()
+        end = End(SERVICE_RESTART, "interrupted")
+        self._open += 1
+        try:
+            end = await self._serve(websocket, login, connection_id)
+        finally:
+            self._open -= 1
+            seconds = time.monotonic() - started
+            log.info("acp %s gone: %s after %.0f s: %s", connection_id, who.name, seconds, end.reason)
+
+    async def _serve(self, websocket: WebSocket, login: Login, connection_id: str) -> End:
+        if self._open > self._max_connections:
+            end = End(TRY_AGAIN_LATER, "Too many people are connected. Try again later.")
+            await _close(websocket, end)
+            return end
+        relay = Relay(DirectWebSocket.of(websocket.scope), login.token, connection_id, self._limit)
+        try:
+            agent = await self._agent.connect(relay, self._limit)
+        except AgentDownError as error:
+            end = End(TRY_AGAIN_LATER, str(error))
+            await _close(websocket, end)
+            return end
+        try:
+            relay.begin(agent)
+            end = await _until_end(relay, websocket, login)
+            await _close(websocket, end)
+            return end
+        finally:
+            relay.close()
+            await agent.close()  # last: a child process may take its time
+
+
+async def _until_end(relay: Relay, websocket: WebSocket, login: Login) -> End:
+    try:
+        async with asyncio.timeout(login.seconds_left()):
+            return await first_of(relay.ended(), _left(websocket))
+    except TimeoutError:
+        return End(LOGIN_EXPIRED, "Your login has expired. Log in again.")
+
+
+async def _left(websocket: WebSocket) -> End:
+    """Wait until the client has gone: the only thing that a relayed WebSocket still tells through ASGI."""
+    while (await websocket.receive())["type"] != "websocket.disconnect":
+        pass
+    return End(NORMAL, "the client left")
+
+
+async def _close(websocket: WebSocket, end: End) -> None:
+    """Say why it is over, to a client that still listens."""
+    try:
+        async with asyncio.timeout(1.0):
+            await websocket.close(end.code, end.reason)
+    except (WebSocketDisconnect, RuntimeError, TimeoutError):
+        pass

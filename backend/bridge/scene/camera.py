@@ -1,0 +1,78 @@
+"""Where the camera stands so that the whole map is seen, in a narrow pane as in a wide one.
+
+The view looks down obliquely. In a pane that is much taller than the map is, it looks along the map's other
+side where that shows it larger.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+FIELD_OF_VIEW = math.radians(40)
+"""Vertical; narrow enough that far rooms do not shrink much."""
+
+_ELEVATION = math.radians(62)
+_MARGIN = 1.05
+_WORTH_TURNING = 1.3
+_HEAD_ROOM = 1.6
+"""m above the floor that have to be seen too."""
+
+Extent = tuple[float, float, float, float]
+Vector = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class View:
+    """A camera pose: its position and the point of the floor that it looks at, in m."""
+
+    position: tuple[float, float, float]
+    look_at: tuple[float, float, float]
+
+
+def fitting(extent: Extent, aspect: float) -> View:
+    """The nearest view that shows all of `extent` (x0, y0, x1, y1) in a pane of that width to height."""
+    north, north_distance = _looking(extent, aspect, math.pi / 2)
+    west, west_distance = _looking(extent, aspect, math.pi)
+    return west if west_distance * _WORTH_TURNING < north_distance else north
+
+
+def _looking(extent: Extent, aspect: float, azimuth: float) -> tuple[View, float]:
+    """The view along the compass direction `azimuth`, and its distance from what it looks at."""
+    level = np.array([math.cos(azimuth), math.sin(azimuth), 0.0])
+    vertical = np.array([0.0, 0.0, 1.0])
+    forward = level * math.cos(_ELEVATION) - vertical * math.sin(_ELEVATION)
+    up = level * math.sin(_ELEVATION) + vertical * math.cos(_ELEVATION)
+    right = np.cross(forward, up)
+
+    x0, y0, x1, y1 = extent
+    centre = np.array([(x0 + x1) / 2, (y0 + y1) / 2, 0.0])
+    corners = np.array([(x, y, z) for x in (x0, x1) for y in (y0, y1) for z in (0.0, _HEAD_ROOM)]) - centre
+    slope = math.tan(FIELD_OF_VIEW / 2) / _MARGIN
+    along = corners @ forward
+    shift_x, distance_x = _fit(corners @ right, along, slope * aspect)
+    shift_y, distance_y = _fit(corners @ up, along, slope)
+    distance = max(distance_x, distance_y)
+
+    position = centre + right * shift_x + up * shift_y - forward * distance
+    to_floor = -position[2] / forward[2]
+    look_at = position + forward * to_floor
+    return View(_triple(position), _triple(look_at)), distance
+
+
+def _fit(across: Vector, along: Vector, slope: float) -> tuple[float, float]:
+    """How far to shift sideways and to step back so that every point is within `slope` of the view's axis.
+
+    A point at `across`, `along` is seen when |across - shift| <= (distance + along) * slope. The smallest
+    distance is where the bounds of both sides meet.
+    """
+    one = float(np.max(across / slope - along))
+    other = float(np.max(-across / slope - along))
+    return slope * (one - other) / 2, (one + other) / 2
+
+
+def _triple(vector: Vector) -> tuple[float, float, float]:
+    return float(vector[0]), float(vector[1]), float(vector[2])

@@ -1,0 +1,46 @@
+"""viser's page as the bridge serves it: with a little more in its head, and with headers of its own."""
+
+from __future__ import annotations
+
+POLICY = "; ".join(
+    [
+        "default-src 'none'",
+        # One file that unpacks itself: inline scripts, workers from blobs, and a decoder in WebAssembly.
+        "script-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:",
+        "worker-src 'self' blob: data:",
+        "style-src 'self' 'unsafe-inline'",
+        "img-src 'self' data: blob:",
+        "font-src 'self' data:",
+        "connect-src 'self' blob: data:",
+        "frame-ancestors 'self'",
+        "base-uri 'none'",
+        "form-action 'none'",
+    ]
+)
+
+_HEAD = """<head>
+<script>
+  // viser reconnects only in a page that has the focus, which an embedded one rarely has.
+  document.hasFocus = () => true;
+</script>
+<style>
+  /* The scene is a picture beside the conversation: viser's panel and its notices have no place in it. */
+  .mantine-Paper-root, .mantine-Notifications-root, [data-portal] { display: none !important; }
+  html, body { overflow: hidden; background: rgb(206 212 221); }
+  /* A picture that stands still must not pass for a live one. The check mark is the hidden panel's. */
+  body:not(:has(.tabler-icon-cloud-check))::after {
+    content: "The scene is not connected. Trying again …";
+    position: fixed; inset: auto 0 12px; z-index: 100; margin: auto; width: fit-content;
+    padding: 8px 12px; border-radius: 8px; background: rgb(31 41 55); color: white;
+    font: 14px/1.4 system-ui, sans-serif; opacity: 0; animation: appear 0s 2s forwards;
+  }
+  @keyframes appear { to { opacity: 1; } }
+</style>
+"""
+
+
+def patched(page: str) -> str:
+    """viser's page, fit to be embedded. Raises `ValueError` when it has no head."""
+    if "<head>" not in page:
+        raise ValueError("viser's page has no <head>")
+    return page.replace("<head>", _HEAD, 1)

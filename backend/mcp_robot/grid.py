@@ -1,0 +1,131 @@
+"""The occupancy grid: what is wall, what is floor, what nobody has seen, and how far a point is from a wall.
+
+Row 0 of every array is at the bottom (smallest y), so that an index grows with its coordinate. Immutable once made:
+planner, laser and safety rules read it from several threads.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+FREE = 0
+OCCUPIED = 100
+UNKNOWN = 255
+
+CLEARANCE_CAP = 3.0
+"""Distances are exact up to this many metres; beyond, nothing needs them."""
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class OccupancyGrid:
+    """`cells[row, column]` is FREE, OCCUPIED or UNKNOWN; `resolution` in m a cell; the lower left corner of cell
+    (0, 0) lies at (`origin_x`, `origin_y`) in the map frame, in m."""
+
+    cells: npt.NDArray[np.uint8]
+    resolution: float
+    origin_x: float
+    origin_y: float
+
+    @property
+    def height(self) -> int:
+        """Rows."""
+        return int(self.cells.shape[0])
+
+    @property
+    def width(self) -> int:
+        """Columns."""
+        return int(self.cells.shape[1])
+
+    def cell(self, x: float, y: float) -> tuple[int, int] | None:
+        """Row and column of the cell that holds the point, None outside the map."""
+        column = int((x - self.origin_x) // self.resolution)
+        row = int((y - self.origin_y) // self.resolution)
+        if 0 <= row < self.height and 0 <= column < self.width:
+            return row, column
+        return None
+
+    def state(self, x: float, y: float) -> int | None:
+        """FREE, OCCUPIED or UNKNOWN; None outside the map."""
+        cell = self.cell(x, y)
+        return None if cell is None else int(self.cells[cell])
+
+    @cached_property
+    def distance(self) -> npt.NDArray[np.float32]:
+        """Metres from each cell's centre to the nearest centre of a cell that is not free, up to CLEARANCE_CAP.
+
+        What lies outside the map counts as not free.
+        """
+        return distance_field(self.cells != FREE, self.resolution, CLEARANCE_CAP)
+
+    def clearance(self, x: float, y: float) -> float:
+        """Metres of free space around a point, never too much: 0 or less in a wall or outside the map."""
+        u = (x - self.origin_x) / self.resolution - 0.5
+        v = (y - self.origin_y) / self.resolution - 0.5
+        column, row = int(u // 1), int(v // 1)
+        if not (0 <= column < self.width - 1 and 0 <= row < self.height - 1):
+            return 0.0
+        a, b = u - column, v - row
+        item = self.distance.item
+        low = item(row, column) * (1 - a) + item(row, column + 1) * a
+        high = item(row + 1, column) * (1 - a) + item(row + 1, column + 1) * a
+        return float(low * (1 - b) + high * b) - self._half_diagonal
+
+    def clearances(self, points: Floats) -> Floats:
+        """`clearance` of many points, shape (n, 2) -> (n,)."""
+        u = (points[:, 0] - self.origin_x) / self.resolution - 0.5
+        v = (points[:, 1] - self.origin_y) / self.resolution - 0.5
+        column = np.floor(u).astype(np.intp)
+        row = np.floor(v).astype(np.intp)
+        inside = (column >= 0) & (column < self.width - 1) & (row >= 0) & (row < self.height - 1)
+        column = np.clip(column, 0, self.width - 2)
+        row = np.clip(row, 0, self.height - 2)
+        a, b = u - column, v - row
+        d = self.distance
+        low = d[row, column] * (1 - a) + d[row, column + 1] * a
+        high = d[row + 1, column] * (1 - a) + d[row + 1, column + 1] * a
+        result: Floats = np.where(inside, low * (1 - b) + high * b - self._half_diagonal, 0.0)
+        return result
+
+    @property
+    def _half_diagonal(self) -> float:
+        # A cell is a square around its centre: its corner is the nearest that the wall can be.
+        return self.resolution * float(np.sqrt(0.5))
+
+    def segment_clearance(self, start: tuple[float, float], end: tuple[float, float]) -> float:
+        """The smallest clearance along a straight line, looked at every half cell."""
+        return float(self.clearances(sample(start, end, self.resolution / 2)).min())
+
+
+def sample(start: tuple[float, float], end: tuple[float, float], step: float) -> Floats:
+    """Points from `start` to `end`, both included, at most `step` m apart; shape (n, 2)."""
+    length = float(np.hypot(end[0] - start[0], end[1] - start[1]))
+    count = max(2, int(np.ceil(length / step)) + 1)
+    return np.linspace(start, end, count)
+
+
+def distance_field(blocked: npt.NDArray[np.bool_], resolution: float, cap: float) -> npt.NDArray[np.float32]:
+    """Euclidean distance in m from each cell to the nearest blocked one, exact up to `cap`.
+
+    Two passes, as in Felzenszwalb and Huttenlocher 2012: along columns by running maxima, then across rows by
+    trying every offset up to the cap, which numpy does faster than their lower envelope at these sizes.
+    """
+    reach = int(np.ceil(cap / resolution))
+    padded = np.pad(blocked, 1, constant_values=True)
+    rows = np.arange(padded.shape[0], dtype=np.float32)[:, None]
+    below = np.maximum.accumulate(np.where(padded, rows, np.float32(-1e6)), axis=0)
+    above = np.minimum.accumulate(np.where(padded, rows, np.float32(1e6))[::-1], axis=0)[::-1]
+    vertical = np.minimum(rows - below, above - rows)
+    squared = np.minimum(vertical, np.float32(reach)) ** 2
+    best = squared.copy()
+    for offset in range(1, min(reach, padded.shape[1] - 1) + 1):
+        cost = np.float32(offset * offset)
+        np.minimum(best[:, offset:], squared[:, :-offset] + cost, out=best[:, offset:])
+        np.minimum(best[:, :-offset], squared[:, offset:] + cost, out=best[:, :-offset])
+    field = np.minimum(np.sqrt(best[1:-1, 1:-1]) * np.float32(resolution), np.float32(cap))
+    return np.ascontiguousarray(field, dtype=np.float32)

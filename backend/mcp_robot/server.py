@@ -1,0 +1,110 @@
+"""The robot server process: one robot, its tools over HTTP and, if asked, over stdio, until it is cancelled.
+
+`serve` is what `robot-acp robot` calls. On its way out it stops the robot's motion. Standard output belongs to MCP when
+it serves stdio: nothing here prints.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import socket
+from collections.abc import Callable
+
+import uvicorn
+from starlette.applications import Starlette
+
+from backend import identity
+from backend.config import Settings
+from backend.mcp_robot import tools
+from backend.mcp_robot.app import create_app
+from backend.mcp_robot.pilot import Pilot
+from backend.mcp_robot.simulator import world
+from backend.mcp_robot.simulator.simulated_robot import SimulatedRobot
+from backend.mcp_robot.stop import StopLatch
+
+logger = logging.getLogger(__name__)
+
+SEND_BUFFER = 128 * 1024
+"""Bytes the kernel may hold for one connection: what lies there can no longer be replaced by something newer."""
+GRACE = 2
+"""Seconds that open connections get at the end."""
+
+
+async def serve(settings: Settings, *, stdio: bool = False, on_ready: Callable[[int], None] | None = None) -> None:
+    """Run the robot server until cancelled, signalled, or, with `stdio`, until standard input ends.
+
+    `on_ready` is called with the port once it answers. Raises `WorldError` for a world that cannot be used and
+    `OSError` for an address that cannot be had.
+    """
+    robot_settings = settings.robot
+    robot = SimulatedRobot(
+        world.load(robot_settings.world),
+        robot_settings.limits,
+        name=robot_settings.name,
+        time_scale=robot_settings.time_scale,
+        seed=robot_settings.seed,
+    )
+    pilot = Pilot(robot, StopLatch(settings.data_dir), robot_settings.limits)
+    mcp = tools.build(pilot)
+    token = identity.shared_secret(settings.data_dir, identity.ROBOT_TOKEN)
+    with contextlib.closing(_listen(robot_settings.host, robot_settings.port)) as listener:
+        http = _Http(create_app(pilot, mcp, token, robot_settings.host), pilot, on_ready)
+        async with robot.running():
+            tasks = {asyncio.create_task(http.serve(sockets=[listener]), name="http")}
+            if stdio:
+                tasks.add(asyncio.create_task(mcp.run_stdio_async(), name="stdio"))
+            try:
+                done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            finally:
+                pilot.brake()
+                http.should_exit = True
+                await _end(tasks)
+            for task in done:
+                task.result()
+
+
+class _Http(uvicorn.Server):
+    """uvicorn, which tells when it answers, and brakes the robot before it waits for open connections to end."""
+
+    def __init__(self, app: Starlette, pilot: Pilot, on_ready: Callable[[int], None] | None) -> None:
+        super().__init__(
+            uvicorn.Config(
+                app,
+                ws="websockets-sansio",
+                ws_per_message_deflate=False,
+                ws_max_size=64 * 1024,
+                log_config=None,
+                access_log=False,
+                lifespan="on",
+                timeout_graceful_shutdown=GRACE,
+            )
+        )
+        self._pilot = pilot
+        self._on_ready = on_ready
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        host, port = (sockets or [])[0].getsockname()[:2]
+        logger.info("The robot server answers on http://%s:%s.", host, port)
+        if self._on_ready:
+            self._on_ready(port)
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        self._pilot.brake()
+        await super().shutdown(sockets)
+
+
+async def _end(tasks: set[asyncio.Task[None]]) -> None:
+    """End what still runs; reading standard input cannot be cancelled, so it is not waited for."""
+    _, pending = await asyncio.wait(tasks, timeout=GRACE + 1.0)
+    for task in pending:
+        task.cancel()
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listener = socket.create_server((host, port), family=family, backlog=128)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+    return listener

@@ -1,0 +1,1 @@
+"""A kinematic robot in a map: the backend that needs nothing but this package."""

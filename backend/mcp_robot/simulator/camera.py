@@ -1,0 +1,165 @@
+"""The first-person camera: a picture of the map as if it were a building.
+
+Plain functions over an immutable world, run in a thread. For every column of the picture a ray is followed through the
+map; the nearest thing whose top reaches above a row fills that row (the voxel-space method of Comanche, 1992), unless
+floor, ceiling or the lintel of a door come first. Colours are in `materials`. Nothing may navigate by this picture.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image, ImageDraw, ImageFont
+
+from backend.mcp_robot.grid import Floats
+from backend.mcp_robot.simulator import materials, shades
+from backend.mcp_robot.simulator.world import Sign, World
+from backend.telemetry import Pose
+
+WIDTH, HEIGHT = 640, 480
+FIELD_OF_VIEW = math.radians(78)
+EYE = 1.2
+"""Height of the lens above the floor, in m."""
+HORIZON = HEIGHT * 0.47
+FOCAL = WIDTH / 2 / math.tan(FIELD_OF_VIEW / 2)
+SIGN_HEIGHT = 1.75
+NEAREST, FARTHEST = 0.15, 30.0
+
+Indices = npt.NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Rays:
+    """What the rays of all columns meet: arrays of shape (samples, columns), nearest first.
+
+    `depth` is measured along the optical axis, shape (samples,), so that straight walls stay straight.
+    """
+
+    depth: Floats
+    x: Floats
+    y: Floats
+    shade: npt.NDArray[np.uint8]
+    height: Floats
+
+
+def photograph(world: World, pose: Pose) -> bytes:
+    """The picture from `pose` as JPEG."""
+    rays = _follow_rays(world, pose)
+    distance, sample, kind = _nearest(rays)
+    pixels = materials.paint(world, _surface(pose, rays, distance, sample, kind))
+    image = Image.fromarray(pixels)
+    _hang_signs(image, world.signs, pose, distance)
+    buffer = io.BytesIO()
+    image.save(buffer, "JPEG", quality=86)
+    return buffer.getvalue()
+
+
+def _depths() -> Floats:
+    """Sampling distances: every 2 cm near, every 0.8 % farther away, which is below a pixel."""
+    depths = [NEAREST]
+    while depths[-1] < FARTHEST:
+        depths.append(depths[-1] + max(0.02, depths[-1] * 0.008))
+    return np.array(depths)
+
+
+_DEPTHS = _depths()
+_SIDEWAYS = (WIDTH / 2 - np.arange(WIDTH) - 0.5) / FOCAL
+_ROWS = np.arange(HEIGHT) + 0.5
+_RISE = (HORIZON - _ROWS) / FOCAL
+"""Metres up for each metre of depth, one per row."""
+
+
+def _follow_rays(world: World, pose: Pose) -> Rays:
+    grid = world.grid
+    forward = (math.cos(pose.yaw), math.sin(pose.yaw))
+    x = pose.x + np.outer(_DEPTHS, forward[0] - forward[1] * _SIDEWAYS)
+    y = pose.y + np.outer(_DEPTHS, forward[1] + forward[0] * _SIDEWAYS)
+    column = np.floor((x - grid.origin_x) / grid.resolution).astype(np.intp)
+    row = np.floor((y - grid.origin_y) / grid.resolution).astype(np.intp)
+    outside = (column < 0) | (column >= grid.width) | (row < 0) | (row >= grid.height)
+    shade = world.shades[np.clip(row, 0, grid.height - 1), np.clip(column, 0, grid.width - 1)]
+    shade = np.where(outside, np.uint8(shades.UNKNOWN), shade)
+    return Rays(_DEPTHS, x, y, shade, materials.HEIGHTS[shade])
+
+
+def _nearest(rays: Rays) -> tuple[Floats, Indices, npt.NDArray[np.uint8]]:
+    """For every pixel: depth, sample on its column's ray, and which kind of surface; shape (HEIGHT, WIDTH)."""
+    samples = len(rays.depth)
+    top = HORIZON + FOCAL * (EYE - rays.height) / rays.depth[:, None]
+    above = np.minimum.accumulate(top, axis=0)
+    # How many samples of a column stay below a row is the index of the first that does not: counted by histogram.
+    first_row = np.clip(np.ceil(above - 0.5), 0, HEIGHT).astype(np.intp)
+    flat = first_row * WIDTH + np.arange(WIDTH)
+    counts = np.bincount(flat.ravel(), minlength=(HEIGHT + 1) * WIDTH).reshape(HEIGHT + 1, WIDTH)
+    sample: Indices = np.cumsum(counts[::-1], axis=0)[::-1][1:]
+    depth = np.append(rays.depth, np.inf)
+    distance = depth[np.minimum(sample, samples)]
+    kind = np.full(distance.shape, materials.SOLID, dtype=np.uint8)
+
+    with np.errstate(divide="ignore"):
+        floor = np.where(_RISE < 0, EYE / -_RISE, np.inf)[:, None]
+        ceiling = np.where(_RISE > 0, (shades.CEILING_HEIGHT - EYE) / _RISE, np.inf)[:, None]
+        under_lintel = np.where(_RISE > 0, (shades.LINTEL_HEIGHT - EYE) / _RISE, np.inf)
+    door = np.where(rays.shade == shades.DOORWAY, np.arange(samples)[:, None], samples)
+    next_door = np.append(np.minimum.accumulate(door[::-1], axis=0)[::-1], np.full((1, WIDTH), samples), axis=0)
+    lintel = next_door[np.searchsorted(rays.depth, under_lintel)]
+    lintel_depth = depth[lintel]
+    for surface, far in ((materials.LINTEL, lintel_depth), (materials.CEILING, ceiling), (materials.FLOOR, floor)):
+        nearer = far < distance
+        distance = np.where(nearer, far, distance)
+        kind[nearer] = surface
+    sample = np.where(kind == materials.SOLID, sample, np.searchsorted(rays.depth, distance))
+    return np.minimum(distance, FARTHEST), np.minimum(sample, samples - 1), kind
+
+
+def _surface(
+    pose: Pose, rays: Rays, distance: Floats, sample: Indices, kind: npt.NDArray[np.uint8]
+) -> materials.Surface:
+    columns = np.arange(WIDTH)
+    before = np.maximum(sample - 1, 0)
+    # A wall is painted as its room is: by the last floor that the ray crossed, whatever furniture stands there.
+    on_floor = np.where(rays.height == 0.0, np.arange(len(rays.depth))[:, None], 0)
+    floor_before = np.maximum.accumulate(on_floor, axis=0)[before, columns]
+    forward = (math.cos(pose.yaw), math.sin(pose.yaw))
+    dx, dy = forward[0] - forward[1] * _SIDEWAYS, forward[1] + forward[0] * _SIDEWAYS
+    return materials.Surface(
+        kind=kind,
+        x=pose.x + distance * dx,
+        y=pose.y + distance * dy,
+        z=EYE + distance * _RISE[:, None],
+        direction_x=np.broadcast_to(dx, distance.shape),
+        distance=distance,
+        shade=rays.shade[sample, columns],
+        floor_before=rays.shade[floor_before, columns],
+        is_top=rays.height[before, columns] >= rays.height[sample, columns],
+    )
+
+
+def _hang_signs(image: Image.Image, signs: tuple[Sign, ...], pose: Pose, distance: Floats) -> None:
+    """Door signs, as plates that face the camera, where nothing stands before them."""
+    draw = ImageDraw.Draw(image)
+    for sign in sorted(signs, key=lambda s: -math.hypot(s.x - pose.x, s.y - pose.y)):
+        dx, dy = sign.x - pose.x, sign.y - pose.y
+        depth = dx * math.cos(pose.yaw) + dy * math.sin(pose.yaw)
+        left = -dx * math.sin(pose.yaw) + dy * math.cos(pose.yaw)
+        if not 0.4 < depth < 12.0:
+            continue
+        column = WIDTH / 2 - FOCAL * left / depth
+        row = HORIZON - FOCAL * (SIGN_HEIGHT - EYE) / depth
+        if not (0 <= column < WIDTH and 0 <= row < HEIGHT) or distance[int(row), int(column)] < depth - 0.02:
+            continue
+        size = FOCAL * 0.11 / depth
+        if size < 7:
+            continue
+        font = ImageFont.load_default(min(size, 60.0))
+        box = draw.textbbox((column, row), sign.text, font=font, anchor="mm")
+        pad = size * 0.45
+        plate = (box[0] - pad, box[1] - pad, box[2] + pad, box[3] + pad)
+        if plate[0] < 0 or plate[2] > WIDTH:
+            continue
+        draw.rounded_rectangle(plate, radius=size * 0.25, fill=(38, 70, 92), outline=(230, 234, 236))
+        draw.text((column, row), sign.text, font=font, anchor="mm", fill=(244, 246, 246))

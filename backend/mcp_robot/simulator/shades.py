@@ -1,0 +1,76 @@
+"""What a shade of grey in a map's picture stands for, beyond ROS's free, occupied and unknown.
+
+Any map works: a plain one has black walls and white floor. The shades refine a picture within the three classes, so
+that every ROS tool reads the same map. Only the simulated camera looks at them; nothing may plan by them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+Colour = tuple[int, int, int]
+
+# Occupied: the darker, the taller.
+WALL = 0
+FRAME = 4
+WINDOW = 8
+SHELF = 20
+PLANT = 30
+COUNTER = 40
+DOCK = 50
+CHAIR = 60
+TABLE = 70
+BENCH = 80
+
+UNKNOWN = 205
+
+# Free.
+WOOD = 225
+TILES = 235
+CARPET = 245
+DOORWAY = 250
+FLOOR = 254
+
+CEILING_HEIGHT = 2.7
+LINTEL_HEIGHT = 2.1
+
+
+@dataclass(frozen=True)
+class Thing:
+    """How something looks: `height` in m, the colour of its sides and of its top."""
+
+    height: float
+    side: Colour
+    top: Colour
+
+
+THINGS: dict[int, Thing] = {
+    WALL: Thing(CEILING_HEIGHT, (226, 222, 212), (226, 222, 212)),
+    FRAME: Thing(CEILING_HEIGHT, (70, 104, 128), (70, 104, 128)),
+    WINDOW: Thing(CEILING_HEIGHT, (226, 222, 212), (226, 222, 212)),
+    SHELF: Thing(1.8, (150, 116, 84), (168, 134, 100)),
+    PLANT: Thing(1.3, (74, 122, 70), (94, 146, 84)),
+    COUNTER: Thing(1.0, (206, 210, 208), (92, 94, 98)),
+    DOCK: Thing(0.5, (48, 52, 58), (70, 190, 120)),
+    CHAIR: Thing(0.85, (58, 66, 78), (72, 82, 96)),
+    TABLE: Thing(0.74, (164, 132, 96), (206, 176, 136)),
+    BENCH: Thing(0.45, (96, 112, 134), (120, 138, 162)),
+}
+
+FLOORS: dict[int, Colour] = {
+    WOOD: (168, 130, 92),
+    TILES: (196, 190, 178),
+    CARPET: (112, 124, 138),
+    DOORWAY: (120, 112, 104),
+    FLOOR: (176, 178, 176),
+}
+
+
+def thing(shade: int) -> Thing:
+    """The thing of the nearest shade that is known and not lighter."""
+    return THINGS[max(known for known in THINGS if known <= shade)]
+
+
+def floor(shade: int) -> Colour:
+    """The floor of the nearest shade."""
+    return FLOORS[min(FLOORS, key=lambda known: abs(known - shade))]

@@ -1,0 +1,68 @@
+"""The stop latch: once set, nothing moves until a person releases it, not even after a restart.
+
+Kept in one small file of the data folder. A file that cannot be read counts as a stop: in doubt the robot stands.
+It is no certified safety function. Releasing never restarts a motion.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from pathlib import Path
+
+import msgspec
+
+from backend.telemetry import Stop
+
+FILE = "stop.json"
+MAX_NAME = 80
+
+logger = logging.getLogger(__name__)
+
+
+class StopLatch:
+    """The latch and its file. `stop` is what it is set to, None when it is released."""
+
+    def __init__(self, data_dir: Path) -> None:
+        self._file = data_dir / FILE
+        self.stop: Stop | None = self._read()
+
+    def _read(self) -> Stop | None:
+        try:
+            return msgspec.json.decode(self._file.read_bytes(), type=Stop)
+        except FileNotFoundError:
+            return None
+        except (OSError, msgspec.DecodeError) as error:
+            logger.error("The stop file cannot be read (%s): the robot stays stopped until it is released.", error)
+            return Stop(by="an unreadable stop file", at=0.0)
+
+    def set(self, by: str, at: float) -> Stop:
+        """Set it. The first one is kept: a second press changes neither who nor when."""
+        if self.stop is None:
+            self.stop = Stop(by, at)
+            self._write(self.stop)
+        return self.stop
+
+    def release(self) -> None:
+        """Release it."""
+        self.stop = None
+        self._file.unlink(missing_ok=True)
+
+    def _write(self, stop: Stop) -> None:
+        # The robot is stopped already, whatever happens here; a full disk only costs the memory of it.
+        try:
+            self._file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+            draft = self._file.with_suffix(".draft")
+            with draft.open("wb") as file:
+                file.write(msgspec.json.encode(stop))
+                file.flush()
+                os.fsync(file.fileno())
+            draft.replace(self._file)
+        except OSError as error:
+            logger.error("The stop could not be written down, a restart would forget it: %s", error)
+
+
+def name_of(by: object) -> str:
+    """Who pressed, as one clean line; a stop without a usable name is still a stop."""
+    name = " ".join(by.split())[:MAX_NAME] if isinstance(by, str) else ""
+    return "".join(c for c in name if c.isprintable()) or "someone"

@@ -1,0 +1,130 @@
+"""The `/telemetry` stream: the latest of everything to whoever asks, at the rate that each can read.
+
+One task a reader, and no queue: a message is made when the reader is ready for it, so a slow one gets fewer messages
+and none that is older than it must be. Nothing here can delay the robot or another reader.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import math
+import time
+from collections.abc import Awaitable, Callable
+from weakref import WeakSet
+
+import msgspec
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from backend import telemetry
+from backend.mcp_robot.pilot import Pilot
+from backend.mcp_robot.robot import Robot
+from backend.telemetry import CHANNELS, Channel, Hello, Map, Path, Speech, Subscribe
+
+MAX_RATE = 60.0
+MIN_RATE = 0.1
+
+Send = Callable[[bytes], Awaitable[None]]
+
+
+class TelemetryStream:
+    """All readers of one robot."""
+
+    def __init__(self, pilot: Pilot) -> None:
+        self._pilot = pilot
+        self._readers: WeakSet[_Reader] = WeakSet()
+        self._map = telemetry.encode(map_message(pilot.robot))  # encoded once: it is large and does not change
+        pilot.on_change = self._changed
+
+    def _changed(self) -> None:
+        for reader in self._readers:
+            reader.wake.set()
+
+    async def serve(self, websocket: WebSocket) -> None:
+        """One reader's connection, from its acceptance to its end."""
+        await websocket.accept()
+        reader = _Reader(self._pilot, self._map, websocket.send_bytes)
+        self._readers.add(reader)
+        with contextlib.suppress(WebSocketDisconnect, msgspec.MsgspecError):
+            await websocket.send_bytes(
+                telemetry.encode(Hello(telemetry.VERSION, self._pilot.robot.name, list(CHANNELS)))
+            )
+            try:
+                async with asyncio.TaskGroup() as group:
+                    sending = group.create_task(reader.run())
+                    try:
+                        while True:
+                            reader.subscribe(telemetry.decode_subscribe(await websocket.receive_bytes()))
+                    finally:
+                        sending.cancel()
+            except* (WebSocketDisconnect, KeyError):  # gone, or a text frame where bytes belong
+                pass
+            except* msgspec.MsgspecError:
+                await websocket.close(1003, "Send a msgpack map of type subscribe.")
+
+
+class _Reader:
+    """What one reader asked for and has been sent."""
+
+    def __init__(self, pilot: Pilot, encoded_map: bytes, send: Send) -> None:
+        self._pilot = pilot
+        self._encoded_map = encoded_map
+        self._send = send
+        self._channels: frozenset[Channel] = frozenset()  # replaced by subscribe
+        self._interval = 1.0  # wall seconds between states, replaced by subscribe
+        self._due = 0.0  # monotonic time of the next state
+        self._map_due = False  # set by subscribe
+        self._path: Path | None = None  # the one sent last
+        self._speech: Speech | None = pilot.speech  # likewise; what was said before is over
+        self.wake = asyncio.Event()  # set when there may be something to send before the next state
+
+    def subscribe(self, asked: Subscribe) -> None:
+        """Replace what it wants."""
+        self._channels = frozenset(asked.channels)
+        rate = MIN_RATE if math.isnan(asked.rate) else asked.rate
+        self._interval = 1.0 / min(max(rate, MIN_RATE), MAX_RATE)
+        self._due = 0.0
+        self._map_due = "map" in self._channels
+        self._path = None
+        self.wake.set()
+
+    async def run(self) -> None:
+        """Send until cancelled."""
+        while True:
+            self.wake.clear()  # before sending: what changes meanwhile wakes it again
+            await self._send_changes()
+            streaming = bool(self._channels & {"state", "scan"})
+            if streaming and time.monotonic() >= self._due:
+                self._due = max(self._due + self._interval, time.monotonic())  # what was missed is not made up for
+                await self._send_latest()
+            pause = max(0.0, self._due - time.monotonic()) if streaming else None
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(pause):
+                    await self.wake.wait()
+
+    async def _send_changes(self) -> None:
+        if self._map_due:
+            self._map_due = False
+            await self._send(self._encoded_map)
+        if "path" in self._channels and self._path is not self._pilot.path:
+            self._path = self._pilot.path
+            await self._send(telemetry.encode(self._path))
+        if "speech" in self._channels and self._speech is not self._pilot.speech:
+            self._speech = self._pilot.speech
+            if self._speech:
+                await self._send(telemetry.encode(self._speech))
+
+    async def _send_latest(self) -> None:
+        if "state" in self._channels:
+            await self._send(telemetry.encode(self._pilot.state()))
+        if "scan" in self._channels:
+            await self._send(telemetry.encode(self._pilot.robot.scan()))
+
+
+def map_message(robot: Robot) -> Map:
+    """The robot's map and places as telemetry."""
+    grid = robot.grid
+    return Map(
+        grid.resolution, grid.width, grid.height, grid.origin_x, grid.origin_y,
+        grid.cells.tobytes(), list(robot.places.places),
+    )  # fmt: skip

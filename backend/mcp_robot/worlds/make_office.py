@@ -1,0 +1,164 @@
+"""Draws the world `office`: run `python -m backend.mcp_robot.worlds.make_office` after a change, and keep its output.
+
+Writes `office/map.png` and `office/map.yaml`, the same bytes every time; `office/places.yaml` is written by hand.
+The picture is an ordinary ROS map: dark is occupied, light is free, middle grey unknown. Within these classes the shade
+says what the thing is (see `backend.mcp_robot.simulator.shades`), which only the simulated camera reads.
+"""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+from PIL import Image, ImageDraw
+
+from backend.mcp_robot.simulator import shades
+
+RESOLUTION = 0.05
+MARGIN = 0.5
+WIDTH, DEPTH = 24.0, 14.0
+WALL = 0.15
+SOUTH, NORTH = 6.0, 8.0
+"""The corridor lies between these."""
+DOOR = 1.0
+NORTH_WALLS = [5.0, 8.8, 12.6, 16.4, 20.2]
+SOUTH_WALLS = [5.6, 10.2, 14.8, 19.4]
+
+FOLDER = Path(__file__).parent / "office"
+
+YAML = f"""\
+image: map.png
+mode: trinary
+resolution: {RESOLUTION}
+origin: [{-MARGIN}, {-MARGIN}, 0.0]
+negate: 0
+occupied_thresh: 0.65
+free_thresh: 0.196
+"""
+
+
+class Plan:
+    """A floor plan in metres, y upwards, drawn on a picture in pixels, y downwards."""
+
+    def __init__(self) -> None:
+        size = (round((WIDTH + 2 * MARGIN) / RESOLUTION), round((DEPTH + 2 * MARGIN) / RESOLUTION))
+        self.image = Image.new("L", size, shades.UNKNOWN)
+        self._draw = ImageDraw.Draw(self.image)
+
+    def _pixel(self, x: float, y: float) -> tuple[int, int]:
+        return round((x + MARGIN) / RESOLUTION), round((DEPTH + MARGIN - y) / RESOLUTION)
+
+    def box(self, x0: float, y0: float, x1: float, y1: float, shade: int) -> None:
+        """A filled rectangle between two corners."""
+        left, bottom = self._pixel(x0, y0)
+        right, top = self._pixel(x1, y1)
+        self._draw.rectangle((left, top, right - 1, bottom - 1), fill=shade)
+
+    def disc(self, x: float, y: float, radius: float, shade: int) -> None:
+        """A filled circle."""
+        left, bottom = self._pixel(x - radius, y - radius)
+        right, top = self._pixel(x + radius, y + radius)
+        self._draw.ellipse((left, top, right - 1, bottom - 1), fill=shade)
+
+    def door(self, x: float, y: float, width: float = DOOR) -> None:
+        """An opening in the wall whose lower edge is at `y`, with a frame left and right."""
+        self.box(x - width / 2 - 0.1, y, x + width / 2 + 0.1, y + WALL, shades.FRAME)
+        self.box(x - width / 2, y, x + width / 2, y + WALL, shades.DOORWAY)
+
+    def table(self, x: float, y: float, width: float, depth: float, chairs: int = 0) -> None:
+        """A table around its centre, with chairs in front of it (south)."""
+        self.box(x - width / 2, y - depth / 2, x + width / 2, y + depth / 2, shades.TABLE)
+        for index in range(chairs):
+            place = x - width / 2 + (index + 0.5) * width / chairs
+            self.box(place - 0.2, y - depth / 2 - 0.35, place + 0.2, y - depth / 2, shades.CHAIR)
+
+
+def building(plan: Plan) -> None:
+    """Floors, walls, windows and doors."""
+    plan.box(0, 0, WIDTH, DEPTH, shades.WALL)
+    plan.box(WALL, WALL, WIDTH - WALL, SOUTH - WALL, shades.CARPET)
+    plan.box(WALL, NORTH + WALL, WIDTH - WALL, DEPTH - WALL, shades.CARPET)
+    plan.box(WALL, SOUTH, WIDTH - WALL, NORTH, shades.FLOOR)
+    plan.box(WALL, WALL, SOUTH_WALLS[0], SOUTH - WALL, shades.WOOD)
+    plan.box(WALL, NORTH + WALL, NORTH_WALLS[0], DEPTH - WALL, shades.TILES)
+    for x in SOUTH_WALLS:
+        plan.box(x - WALL / 2, 0, x + WALL / 2, SOUTH, shades.WALL)
+    for x in NORTH_WALLS:
+        plan.box(x - WALL / 2, NORTH, x + WALL / 2, DEPTH, shades.WALL)
+    for low, high in rooms(NORTH_WALLS):
+        plan.box(low + 0.6, DEPTH - WALL, high - 0.6, DEPTH, shades.WINDOW)
+    for low, high in rooms(SOUTH_WALLS):
+        plan.box(low + 0.6, 0, high - 0.6, WALL, shades.WINDOW)
+    plan.box(WIDTH - WALL, SOUTH + 0.4, WIDTH, NORTH - 0.4, shades.WINDOW)
+    plan.door(3.9, SOUTH - WALL, 2.0)  # reception
+    plan.door(3.2, NORTH, 1.2)  # kitchen
+    for x in (6.2, 10.0, 13.8, 17.6, 21.4):
+        plan.door(x, NORTH)
+    for x in (7.0, 11.6, 16.2, 20.8):
+        plan.door(x, SOUTH - WALL)
+
+
+def rooms(walls: list[float]) -> list[tuple[float, float]]:
+    """From wall to wall, west to east."""
+    edges = [0.0, *walls, WIDTH]
+    return list(itertools.pairwise(edges))
+
+
+def furnish(plan: Plan) -> None:
+    """Enough furniture to look like an office, none in the way of the doors."""
+    for index, (low, high) in enumerate(rooms(NORTH_WALLS)[1:]):  # labs 2.3.1 to 2.3.5
+        middle = (low + high) / 2
+        plan.table(middle, DEPTH - 1.0, high - low - 1.4, 0.7, chairs=2)
+        plan.box(high - 0.5, 9.6, high - WALL / 2, 11.6, shades.SHELF)
+        if index % 2:
+            plan.disc(low + 0.45, NORTH + 0.65, 0.22, shades.PLANT)
+    for index, (low, high) in enumerate(rooms(SOUTH_WALLS)[1:]):  # labs 2.3.6 to 2.3.9
+        middle = (low + high) / 2
+        plan.table(middle + 0.9, 3.2, 1.8, 0.9, chairs=2)
+        plan.box(low + 0.6, WALL, high - 0.6, 0.75, shades.TABLE)
+        plan.box(high - 0.5, 4.2, high - WALL / 2, 5.6, shades.SHELF)
+        if index % 2 == 0:
+            plan.disc(low + 0.5, 1.4, 0.22, shades.PLANT)
+    kitchen(plan)
+    reception(plan)
+    plan.box(23.3, NORTH - 0.35, 23.8, NORTH, shades.SHELF)  # the corridor's printer
+    plan.box(14.9, NORTH - 0.32, 16.3, NORTH, shades.BENCH)
+
+
+def kitchen(plan: Plan) -> None:
+    """A counter along two walls and two round tables."""
+    plan.box(WALL, DEPTH - 0.75, 4.2, DEPTH - WALL, shades.COUNTER)
+    plan.box(WALL, 11.2, 0.75, DEPTH - WALL, shades.COUNTER)
+    for x, y in ((1.5, 9.6), (3.6, 11.3)):
+        plan.disc(x, y, 0.5, shades.TABLE)
+        for dx, dy in ((0.68, 0.0), (-0.68, 0.0)):
+            plan.disc(x + dx, y + dy, 0.18, shades.CHAIR)
+
+
+def reception(plan: Plan) -> None:
+    """A desk, a sofa, a plant, and the dock's base against the west wall."""
+    plan.box(1.3, 4.2, 2.1, 5.2, shades.COUNTER)
+    plan.box(2.1, 4.2, 2.5, 4.5, shades.COUNTER)
+    plan.box(4.6, 0.5, 5.3, 2.4, shades.BENCH)
+    plan.disc(5.1, 3.1, 0.25, shades.PLANT)
+    plan.box(1.6, 0.2, 3.4, 0.6, shades.SHELF)
+    plan.box(WALL, 2.8, 0.35, 3.4, shades.DOCK)
+
+
+def draw() -> Image.Image:
+    """The whole plan."""
+    plan = Plan()
+    building(plan)
+    furnish(plan)
+    return plan.image
+
+
+def main() -> None:
+    """Write the world's folder."""
+    FOLDER.mkdir(exist_ok=True)
+    draw().save(FOLDER / "map.png", optimize=True)
+    (FOLDER / "map.yaml").write_text(YAML)
+
+
+if __name__ == "__main__":
+    main()

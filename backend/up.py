@@ -1,0 +1,130 @@
+"""`robot-acp up`: the three processes on this machine, started, watched, restarted and ended together.
+
+Each is `robot-acp robot|agent|bridge` in a process of its own, so that each can be killed or replaced alone. What
+they are told goes through the environment, which is what a person would set too.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import os
+import signal
+import socket
+import sys
+from pathlib import Path
+
+import httpx
+
+from backend import identity
+from backend.config import ConfigError, Settings
+from backend.identity import Role
+
+log = logging.getLogger(__name__)
+
+NAMES = ("robot", "agent", "bridge")
+STOP_TIMEOUT_S = 3.0
+RESTART_S = (0.2, 1.0, 3.0, 10.0)
+STEADY_S = 30.0
+LOGIN_DAYS = 7.0
+
+
+async def run(settings: Settings, config_file: Path | None) -> int:
+    """Run until SIGINT or SIGTERM. Prints the address of the dashboard once it answers."""
+    _check_ports(settings)
+    ending = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, ending.set)
+    environment = _environment(settings, config_file)
+    identity.shared_secret(settings.data_dir, identity.ROBOT_TOKEN)
+    async with asyncio.TaskGroup() as group:
+        keepers = [group.create_task(_keep(name, environment)) for name in NAMES]
+        greeter = group.create_task(_greet(settings))
+        await ending.wait()
+        for task in (*keepers, greeter):
+            task.cancel()
+    return 0
+
+
+def _check_ports(settings: Settings) -> None:
+    """Raises `ConfigError` when another program has one of the three addresses."""
+    for name in NAMES:
+        where = getattr(settings, name)
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind((where.host, where.port))
+            except OSError as error:
+                variable = f"ROBOT_ACP_{name.upper()}__PORT"
+                raise ConfigError(
+                    f"The {name} cannot use {where.host}:{where.port} ({error.strerror}). Is another robot-acp running? "
+                    f"End it, or choose another port with {variable}."
+                ) from None
+
+
+async def _keep(name: str, environment: dict[str, str]) -> None:
+    """Run one process, and again whenever it ends, a little later each time."""
+    failures = 0
+    while True:
+        started = asyncio.get_running_loop().time()
+        process = await asyncio.create_subprocess_exec(
+            sys.executable,
+            "-m",
+            "backend.cli",
+            name,
+            env=environment,
+            stdin=asyncio.subprocess.DEVNULL,
+            start_new_session=True,  # Ctrl-C is for `up` alone, which then ends them in order
+        )
+        try:
+            status = await process.wait()
+        except asyncio.CancelledError:
+            await _end(process)
+            raise
+        lived = asyncio.get_running_loop().time() - started
+        failures = 0 if lived > STEADY_S else failures + 1
+        pause = RESTART_S[min(failures, len(RESTART_S)) - 1] if failures else RESTART_S[0]
+        log.warning("the %s process ended with status %d; starting it again in %g s", name, status, pause)
+        await asyncio.sleep(pause)
+
+
+async def _end(process: asyncio.subprocess.Process) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        process.terminate()
+        try:
+            async with asyncio.timeout(STOP_TIMEOUT_S):
+                await process.wait()
+        except TimeoutError:
+            process.kill()
+            await process.wait()
+
+
+async def _greet(settings: Settings) -> None:
+    """Wait for the page to answer, then say where it is."""
+    base = f"http://{settings.bridge.host}:{settings.bridge.port}"
+    async with httpx.AsyncClient(trust_env=False, timeout=1.0) as client:
+        while True:
+            with contextlib.suppress(httpx.HTTPError):
+                if (await client.get(f"{base}/")).is_success:
+                    break
+            await asyncio.sleep(0.05)
+    key = identity.shared_secret(settings.data_dir, identity.SIGNING_KEY)
+    token = identity.issue(key, "supervisor", Role.SUPERVISOR, LOGIN_DAYS * 86400)
+    print(f"\n{settings.robot.name} is ready. Open this address in a browser:\n\n  {base}/#token={token}\n", flush=True)
+
+
+def _environment(settings: Settings, config_file: Path | None) -> dict[str, str]:
+    """What the processes are told: the flags of `up`, as the variables that stand for them."""
+    told = {
+        "ROBOT_ACP_DATA_DIR": str(settings.data_dir.absolute()),
+        "ROBOT_ACP_LOG_LEVEL": settings.log_level,
+        "ROBOT_ACP_ROBOT__TIME_SCALE": str(settings.robot.time_scale),
+        "ROBOT_ACP_ROBOT__WORLD": settings.robot.world,
+        "ROBOT_ACP_AGENT__MODEL": settings.agent.model,
+        "ROBOT_ACP_BRIDGE__PORT": str(settings.bridge.port),
+    }
+    if config_file is not None:
+        told["ROBOT_ACP_CONFIG"] = str(config_file.absolute())
+    return os.environ | told

@@ -1,0 +1,172 @@
+"""The one place where a JSON-RPC frame from outside is checked before anything trusts it.
+
+Plain functions over bytes: no socket, no clock. A frame that passes is one JSON-RPC 2.0 message of bounded size
+and depth. `Frame.raw` is passed on as it came, never serialised again.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import orjson
+
+MAX_FRAME_BYTES = 16 * 1024 * 1024
+MAX_DEPTH = 64
+MAX_ID_CHARS = 256
+RESERVED = "robot-acp/"
+"""`_meta` keys that begin so are ours; those of identity are set by the bridge alone."""
+TOKEN_META = "robot-acp/token"  # noqa: S105 - the name of a field
+
+PARSE_ERROR = -32700
+INVALID_REQUEST = -32600
+METHOD_NOT_FOUND = -32601
+INVALID_PARAMS = -32602
+INTERNAL_ERROR = -32603
+AUTH_REQUIRED = -32000
+NOT_ALLOWED = -32001
+CANCELLED = -32800
+
+RequestId = str | int | None
+Kind = Literal["request", "notification", "response"]
+
+
+class BadFrame(Exception):
+    """A frame that is no JSON-RPC message; `reply` is the error to answer, None when it gets no answer."""
+
+    def __init__(self, code: int, message: str, request_id: RequestId = None, *, answer: bool = True) -> None:
+        super().__init__(message)
+        self.code = code
+        self.message = message
+        self.reply = error_frame(request_id, code, message) if answer else None
+
+
+class FrameTooLarge(BadFrame):
+    """The frame exceeds the limit; it was skipped, and the stream goes on behind it."""
+
+    def __init__(self, limit: int) -> None:
+        super().__init__(INVALID_REQUEST, f"The message is larger than {limit} bytes.")
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A checked message: its kind, its method (requests, notifications), its id, the parsed body, the bytes."""
+
+    kind: Kind
+    method: str | None
+    id: RequestId
+    body: dict[str, Any]
+    raw: bytes
+
+
+def error_frame(request_id: RequestId, code: int, message: str) -> bytes:
+    """A JSON-RPC error response, without a newline."""
+    return orjson.dumps({"jsonrpc": "2.0", "id": request_id, "error": {"code": code, "message": message}})
+
+
+def check(raw: bytes, limit: int = MAX_FRAME_BYTES) -> Frame:
+    """Check one message. Raises `BadFrame` with the JSON-RPC error that the specification asks for."""
+    if len(raw) > limit:
+        raise FrameTooLarge(limit)
+    if raw.count(b"[") + raw.count(b"{") > MAX_DEPTH and _depth_exceeds(raw, MAX_DEPTH):
+        raise BadFrame(INVALID_REQUEST, f"The message is nested deeper than {MAX_DEPTH} levels.")
+    try:
+        body = orjson.loads(raw)
+    except orjson.JSONDecodeError:
+        raise BadFrame(PARSE_ERROR, "The message is not valid JSON in UTF-8.") from None
+    if not isinstance(body, dict):
+        raise BadFrame(INVALID_REQUEST, "A message must be one JSON object; batches are not supported.")
+    return _shape(body, raw)
+
+
+def _shape(body: dict[str, Any], raw: bytes) -> Frame:
+    request_id = body.get("id")
+    known_id = request_id if _valid_id(request_id) else None
+    if body.get("jsonrpc") != "2.0":
+        raise BadFrame(INVALID_REQUEST, 'A message must say "jsonrpc": "2.0".', known_id)
+    if "id" in body and not _valid_id(request_id):
+        raise BadFrame(INVALID_REQUEST, "An id must be a string, an integer or null.")
+    if "method" in body:
+        method = body["method"]
+        if not isinstance(method, str):
+            raise BadFrame(INVALID_REQUEST, "The method must be a string.", known_id)
+        params = body.get("params")
+        if params is not None and not isinstance(params, dict):
+            is_request = "id" in body
+            raise BadFrame(INVALID_PARAMS, "The params must be an object.", known_id, answer=is_request)
+        return Frame("request" if "id" in body else "notification", method, request_id, body, raw)
+    if "id" in body and ("result" in body) != ("error" in body):
+        if "error" in body and not isinstance(body["error"], dict):
+            raise BadFrame(INVALID_REQUEST, "The error must be an object.", answer=False)
+        return Frame("response", None, request_id, body, raw)
+    raise BadFrame(INVALID_REQUEST, "A message must have a method, or an id with a result or an error.", known_id)
+
+
+def _valid_id(value: object) -> bool:
+    if isinstance(value, bool):
+        return False
+    return value is None or isinstance(value, int) or (isinstance(value, str) and len(value) <= MAX_ID_CHARS)
+
+
+def _depth_exceeds(raw: bytes, limit: int) -> bool:
+    """Whether brackets outside strings nest deeper than `limit`: a scan that cannot itself run out of stack."""
+    depth = 0
+    in_string = escaped = False
+    for byte in raw:
+        if in_string:
+            if escaped:
+                escaped = False
+            elif byte == 0x5C:
+                escaped = True
+            elif byte == 0x22:
+                in_string = False
+        elif byte == 0x22:
+            in_string = True
+        elif byte in b"[{":
+            depth += 1
+            if depth > limit:
+                return True
+        elif byte in b"]}":
+            depth -= 1
+    return False
+
+
+def with_identity(frame: Frame, token: str) -> bytes:
+    """An `initialize` frame with the verified token in `_meta`, and nothing else of ours that a client put there."""
+    params = dict(frame.body.get("params") or {})
+    meta = params.get("_meta")
+    kept = {k: v for k, v in meta.items() if not k.startswith(RESERVED)} if isinstance(meta, dict) else {}
+    params["_meta"] = kept | {TOKEN_META: token}
+    return orjson.dumps(frame.body | {"params": params})
+
+
+async def read_line(reader: asyncio.StreamReader, limit: int = MAX_FRAME_BYTES) -> bytes | None:
+    """The next line of an NDJSON stream without its newline; None at its end. Empty lines are skipped.
+
+    A line over `limit` is skipped to its end and raises `FrameTooLarge`; the stream can be read on.
+    The reader's own limit must be at least `limit`.
+    """
+    while True:
+        try:
+            line = await reader.readuntil(b"\n")
+        except asyncio.IncompleteReadError:
+            return None  # a last line without its newline was cut off: it is not a message
+        except asyncio.LimitOverrunError:
+            await _skip_line(reader)
+            raise FrameTooLarge(limit) from None
+        if len(line) > limit + 1:
+            raise FrameTooLarge(limit)
+        if line := line.strip():
+            return line
+
+
+async def _skip_line(reader: asyncio.StreamReader) -> None:
+    while True:
+        try:
+            await reader.readuntil(b"\n")
+            return
+        except asyncio.LimitOverrunError as overrun:
+            await reader.readexactly(max(overrun.consumed, 1))
+        except asyncio.IncompleteReadError:
+            return

@@ -1,0 +1,117 @@
+"""A real robot server on a free port of the loopback, a real MCP client, and a telemetry reader."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from mcp import Client
+from mcp.client.streamable_http import streamable_http_client
+from mcp.shared._httpx_utils import create_mcp_http_client
+from websockets.asyncio.client import ClientConnection, connect
+
+from backend import config, identity, telemetry
+from backend.mcp_robot import server
+from backend.mcp_robot.simulator import world as worlds
+from backend.mcp_robot.simulator.world import World
+
+TIME_LIMIT = 20.0
+
+
+@dataclass
+class Served:
+    """A robot server that answers: where it is and how to reach it."""
+
+    port: int
+    token: str
+
+    @property
+    def url(self) -> str:
+        return f"http://127.0.0.1:{self.port}"
+
+    @property
+    def headers(self) -> dict[str, str]:
+        return {"Authorization": f"Bearer {self.token}"}
+
+    def http(self) -> httpx.AsyncClient:
+        return httpx.AsyncClient(base_url=self.url, headers=self.headers, timeout=TIME_LIMIT)
+
+    @contextlib.asynccontextmanager
+    async def mcp(self, mode: str = "auto") -> AsyncIterator[Client]:
+        async with (
+            create_mcp_http_client(headers=self.headers) as http,
+            Client(streamable_http_client(f"{self.url}/mcp", http_client=http), mode=mode) as client,
+        ):
+            yield client
+
+    @contextlib.asynccontextmanager
+    async def telemetry(self, *channels: telemetry.Channel, rate: float = 20.0) -> AsyncIterator[Reader]:
+        async with connect(f"ws://127.0.0.1:{self.port}/telemetry", additional_headers=self.headers) as socket:
+            reader = Reader(socket)
+            assert isinstance(await reader.next(), telemetry.Hello)
+            await reader.subscribe(*channels, rate=rate)
+            yield reader
+
+
+class Reader:
+    """A reader of the telemetry stream."""
+
+    def __init__(self, socket: ClientConnection) -> None:
+        self.socket = socket
+
+    async def subscribe(self, *channels: telemetry.Channel, rate: float = 20.0) -> None:
+        await self.socket.send(telemetry.encode(telemetry.Subscribe(list(channels), rate)))
+
+    async def next(self) -> telemetry.AnyMessage:
+        frame = await asyncio.wait_for(self.socket.recv(), TIME_LIMIT)
+        assert isinstance(frame, bytes)
+        return telemetry.decode(frame)
+
+    async def until(self, wanted: Callable[[Any], bool]) -> Any:
+        """The first message for which `wanted` holds."""
+        async with asyncio.timeout(TIME_LIMIT):
+            while True:
+                message = await self.next()
+                if wanted(message):
+                    return message
+
+    async def state(self, wanted: Callable[[telemetry.State], bool] = lambda _: True) -> telemetry.State:
+        found = await self.until(lambda m: isinstance(m, telemetry.State) and wanted(m))
+        assert isinstance(found, telemetry.State)
+        return found
+
+
+@contextlib.asynccontextmanager
+async def serving(data_dir: Path, **robot: Any) -> AsyncIterator[Served]:
+    """Run `serve` in this process while inside."""
+    settings = config.Settings(data_dir=data_dir, robot=config.Robot(**{"port": 0, "time_scale": 20.0, **robot}))
+    ready: asyncio.Future[int] = asyncio.get_running_loop().create_future()
+    task = asyncio.create_task(server.serve(settings, on_ready=ready.set_result))
+    await asyncio.wait({task, ready}, return_when=asyncio.FIRST_COMPLETED, timeout=TIME_LIMIT)
+    if task.done():
+        task.result()
+    token = identity.shared_secret(data_dir, identity.ROBOT_TOKEN).decode()
+    try:
+        yield Served(ready.result(), token)
+    finally:
+        task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await task
+
+
+@pytest.fixture(scope="session")
+def office() -> World:
+    return worlds.load("office")
+
+
+@pytest.fixture
+async def robot(tmp_path: Path) -> AsyncIterator[Served]:
+    """A server whose time runs 20 times as fast as the wall's."""
+    async with serving(tmp_path) as served:
+        yield served

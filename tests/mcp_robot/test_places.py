@@ -1,0 +1,38 @@
+"""Names of places are understood as people write them, and an unknown one is answered with the nearest."""
+
+from __future__ import annotations
+
+import pytest
+
+from backend.mcp_robot import places
+from backend.mcp_robot.refusal import Refusal
+from backend.mcp_robot.simulator.world import World
+from backend.telemetry import Pose
+
+
+@pytest.mark.parametrize(
+    "name", ["lab 2.3.7", "lab-2.3.7", "LAB 2.3.7", "lab2.3.7", " Lab  2.3.7 ", "the lab 2.3.7", "lab_2-3-7", "2.3.7"]
+)
+def test_one_place_has_many_spellings(office: World, name: str) -> None:
+    assert places.resolve(name, office.places).name == "lab 2.3.7"
+
+
+def test_an_unknown_place_is_answered_with_the_nearest_names_first(office: World) -> None:
+    with pytest.raises(Refusal) as refusal:
+        places.resolve("lab 9", office.places)
+    assert refusal.value.code == "unknown_place"
+    assert refusal.value.sentence.startswith("No place called lab 9. Known places: lab 2.3.9, ")
+    assert "kitchen" in refusal.value.sentence
+
+
+@pytest.mark.parametrize("name", ["", "   ", "lab", "2.3", "…", "x" * 5000])
+def test_what_names_no_single_place_is_refused(office: World, name: str) -> None:
+    with pytest.raises(Refusal, match=r"^unknown_place: No place called"):
+        places.resolve(name, office.places)
+
+
+def test_the_nearest_place_is_told_with_its_distance(office: World) -> None:
+    found = places.nearest(Pose(2.9, 9.2, 0.0), office.places)
+    assert found is not None
+    assert found[0].name == "kitchen"
+    assert found[1] == pytest.approx(0.5)

@@ -1,0 +1,92 @@
+"""Stop: over its own HTTP path, at once, latched, remembered, and released without moving anything."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from .conftest import Served, serving
+from .test_tools import call, refused
+
+
+async def test_a_stop_brakes_ends_the_motion_with_its_name_and_refuses_new_ones(tmp_path: Path) -> None:
+    async with (
+        serving(tmp_path, time_scale=1.0) as robot,
+        robot.mcp() as client,
+        robot.http() as http,
+        robot.telemetry("state", rate=50) as reader,
+    ):
+        driving = asyncio.create_task(client.call_tool("navigate_to_place", {"place": "lab 2.3.7"}))
+        await reader.state(lambda s: s.twist.linear > 0.4)
+        answer = await http.post("/stop", json={"by": "Ana"})
+        assert answer.json()["stopped"]["by"] == "Ana"
+        stopped = await reader.state(lambda s: s.stop is not None)
+        halted = await reader.state(lambda s: s.twist.linear == 0)
+        assert halted.time - stopped.time < 0.3
+        result = await driving
+        assert result.is_error
+        assert result.content[0].text == "stopped: Stopped by Ana. A supervisor has to release it."  # type: ignore[union-attr]
+        for tool, arguments in (
+            ("navigate_to_place", {"place": "dock"}),
+            ("navigate_to_pose", {"x": 3, "y": 3}),
+            ("rotate_in_place", {"degrees": 10}),
+            ("speak", {"text": "Hello"}),
+        ):
+            assert await refused(client, tool, **arguments) == (
+                "stopped: Stopped by Ana. A supervisor has to release it."
+            )
+        status = await call(client, "get_robot_status")
+        assert status["mode"] == "stopped"
+        assert status["stopped"]["by"] == "Ana"
+        assert (await call(client, "navigate_to_place", place="dock", plan_only=True))["path_length"] > 0
+
+
+async def test_release_allows_motion_again_and_starts_none(robot: Served) -> None:
+    async with robot.mcp() as client, robot.http() as http, robot.telemetry("state") as reader:
+        await http.post("/stop", json={"by": "Ana"})
+        assert (await http.post("/release", json={"by": "Ben"})).json() == {"stopped": None}
+        pose = (await reader.state(lambda s: s.stop is None)).pose
+        for _ in range(5):
+            assert (await reader.state()).pose == pose
+        assert (await call(client, "rotate_in_place", degrees=10))["reached"]
+
+
+async def test_the_first_stop_is_kept(robot: Served) -> None:
+    async with robot.http() as http:
+        first = (await http.post("/stop", json={"by": "Ana"})).json()
+        assert (await http.post("/stop", json={"by": "Ben"})).json() == first
+
+
+async def test_a_stop_outlives_the_robot_server(tmp_path: Path) -> None:
+    async with serving(tmp_path) as robot, robot.http() as http:
+        await http.post("/stop", json={"by": "Ana"})
+    async with serving(tmp_path) as robot, robot.mcp() as client, robot.http() as http:
+        assert (await refused(client, "rotate_in_place", degrees=10)).startswith("stopped: Stopped by Ana.")
+        await http.post("/release", json={"by": "Ana"})
+    async with serving(tmp_path) as robot, robot.mcp() as client:
+        assert (await call(client, "rotate_in_place", degrees=10))["reached"]
+
+
+@pytest.mark.parametrize("body", [b"", b"{", b"[]", b'{"by": 5}', b"\xff", b'{"by": ""}'])
+async def test_a_stop_is_never_refused_for_its_form(robot: Served, body: bytes) -> None:
+    async with robot.http() as http:
+        answer = await http.post("/stop", content=body)
+        assert answer.status_code == 200
+        assert answer.json()["stopped"]["by"] == "someone"
+
+
+async def test_a_stop_ends_speech(tmp_path: Path) -> None:
+    async with (
+        serving(tmp_path, time_scale=1.0) as robot,
+        robot.mcp() as client,
+        robot.http() as http,
+        robot.telemetry("state") as reader,
+    ):
+        speaking = asyncio.create_task(client.call_tool("speak", {"text": "A long story. " * 20}))
+        await reader.state(lambda s: s.speaking is not None)
+        await http.post("/stop", json={"by": "Ana"})
+        result = await speaking
+        assert result.is_error
+        assert (await reader.state()).speaking is None

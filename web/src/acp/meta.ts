@@ -1,0 +1,75 @@
+/**
+ * Reads what robot-acp puts under `_meta` of ACP messages. Whatever comes from the wire is unknown until it has
+ * passed through here; a field of the wrong shape counts as absent, never as an error.
+ */
+
+export type Meta = Record<string, unknown> | null | undefined;
+
+export interface TurnMark {
+  id: string | null;
+  state: "running" | "ended";
+  stopReason?: string;
+}
+
+export interface Progress {
+  /** From 0 to 1; null when nobody knows how long it takes. */
+  fraction: number | null;
+  message: string;
+}
+
+export interface Decision {
+  by: string | null;
+  option: string | null;
+  reason: string;
+}
+
+export function isRecord(value: unknown): value is Record<string, unknown> {
+  return typeof value === "object" && value !== null && !Array.isArray(value);
+}
+
+export function asString(value: unknown): string | null {
+  return typeof value === "string" ? value : null;
+}
+
+export function asNumber(value: unknown): number | null {
+  return typeof value === "number" && Number.isFinite(value) ? value : null;
+}
+
+export function seqOf(meta: Meta): number | null {
+  return asNumber(meta?.["robot-acp/seq"]);
+}
+
+export function authorOf(meta: Meta): string | null {
+  return asString(meta?.["robot-acp/by"]);
+}
+
+export function toolOf(meta: Meta): string | null {
+  return asString(meta?.["robot-acp/tool"]);
+}
+
+export function turnOf(meta: Meta): TurnMark | null {
+  const turn = meta?.["robot-acp/turn"];
+  if (!isRecord(turn) || (turn["state"] !== "running" && turn["state"] !== "ended")) return null;
+  const stopReason = asString(turn["stopReason"]);
+  return { id: asString(turn["id"]), state: turn["state"], ...(stopReason === null ? {} : { stopReason }) };
+}
+
+export function progressOf(meta: Meta): Progress | null {
+  const progress = meta?.["robot-acp/progress"];
+  if (!isRecord(progress)) return null;
+  const fraction = asNumber(progress["fraction"]);
+  return {
+    fraction: fraction === null ? null : Math.min(1, Math.max(0, fraction)),
+    message: asString(progress["message"]) ?? "",
+  };
+}
+
+export function decisionOf(meta: Meta): Decision | null {
+  const decision = meta?.["robot-acp/decision"];
+  if (!isRecord(decision)) return null;
+  return {
+    by: asString(decision["by"]),
+    option: asString(decision["option"]),
+    reason: asString(decision["reason"]) ?? "selected",
+  };
+}

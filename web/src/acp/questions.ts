@@ -1,0 +1,76 @@
+/**
+ * Questions that the agent asks before it acts. A question is answered once: by the person here, or by being
+ * withdrawn. Nothing but a click of a person chooses an option that allows.
+ */
+import type { RequestPermissionRequest, RequestPermissionResponse } from "@agentclientprotocol/sdk";
+import { getState, setState, type Question } from "../state/store";
+import { asNumber, asString } from "./meta";
+
+const CANCELLED: RequestPermissionResponse = { outcome: { outcome: "cancelled" } };
+
+let asked = 0;
+
+/** Shows a question; resolves with the answer. `withdrawn` aborts when the agent no longer wants one. */
+export function ask(
+  request: RequestPermissionRequest,
+  withdrawn: AbortSignal,
+): Promise<RequestPermissionResponse> {
+  return new Promise((resolve) => {
+    const key = `q${++asked}`;
+    const answer = (response: RequestPermissionResponse): void => {
+      setState((state) => ({ questions: state.questions.filter((other) => other.key !== key) }));
+      resolve(response);
+    };
+    const timeoutS = asNumber(request._meta?.["robot-acp/timeout_s"]);
+    const question: Question = {
+      key,
+      sessionId: request.sessionId,
+      toolCallId: request.toolCall.toolCallId,
+      title: request.toolCall.title ?? titleOf(request.sessionId, request.toolCall.toolCallId),
+      asker: asString(request._meta?.["robot-acp/asker"]),
+      options: request.options,
+      expiresAt: expiry(request._meta?.["robot-acp/expires"], timeoutS),
+      timeoutS,
+      answer,
+    };
+    setState((state) => ({
+      questions: [
+        ...state.questions.filter(
+          (other) => other.sessionId !== question.sessionId || other.toolCallId !== question.toolCallId,
+        ),
+        question,
+      ],
+    }));
+    if (withdrawn.aborted) answer(CANCELLED);
+    else withdrawn.addEventListener("abort", () => answer(CANCELLED), { once: true });
+  });
+}
+
+/** When it ends on this machine's clock, which need not agree with the agent's. */
+function expiry(expires: unknown, timeoutS: number | null): number | null {
+  const at = Date.parse(asString(expires) ?? "");
+  const latest = timeoutS === null ? null : Date.now() + timeoutS * 1000;
+  if (Number.isNaN(at)) return latest;
+  const here = at - getState().clockOffsetMs;
+  return latest === null ? here : Math.min(here, latest);
+}
+
+function titleOf(sessionId: string, toolCallId: string): string {
+  const state = getState();
+  const conversation = state.drafts[sessionId] ?? state.conversations[sessionId];
+  const item = conversation?.items.find((known) => known.kind === "tool" && known.id === toolCallId);
+  return item?.kind === "tool" ? item.title : "";
+}
+
+/** Somebody has decided on this tool call: nobody here needs to. */
+export function closeQuestion(sessionId: string, toolCallId: string): void {
+  for (const question of getState().questions) {
+    if (question.sessionId === sessionId && question.toolCallId === toolCallId) question.answer(CANCELLED);
+  }
+}
+
+export function closeQuestionsOf(sessionId: string): void {
+  for (const question of getState().questions) {
+    if (question.sessionId === sessionId) question.answer(CANCELLED);
+  }
+}

@@ -1,0 +1,232 @@
+/**
+ * What people do with sessions: open, make, delete, prompt, cancel, set mode and model. Each call takes the store
+ * from one consistent state to the next; none of them knows a component.
+ */
+import {
+  methods,
+  RequestError,
+  type ClientContext,
+  type LoadSessionResponse,
+  type NewSessionResponse,
+  type SessionNotification,
+} from "@agentclientprotocol/sdk";
+import i18next from "../i18n";
+import { EMPTY, type Conversation } from "../state/conversation";
+import { cancelAsked, opened, promptEnded, promptFailed, promptSent, sessionReducer } from "../state/reducer";
+import type { Setting } from "../state/settings";
+import { getState, setState, toast } from "../state/store";
+import { decisionOf } from "./meta";
+import { closeQuestion, closeQuestionsOf } from "./questions";
+import { rememberSession, sessionOfAddress } from "./address";
+
+const CWD = "/";
+
+/** Null while there is no connection: the one place from which the functions below reach the agent. */
+let agent: ClientContext | null = null;
+
+export function setAgent(next: ClientContext | null): void {
+  agent = next;
+  if (next === null) setState({ attached: new Set(), drafts: {} });
+}
+
+function change(sessionId: string, fn: (conversation: Conversation) => Conversation): void {
+  setState((state) => {
+    const conversation = state.conversations[sessionId] ?? EMPTY;
+    return { conversations: { ...state.conversations, [sessionId]: fn(conversation) } };
+  });
+}
+
+/** Takes in one update: into the replay that is under way, else into what is on the screen. */
+export function receive(notification: SessionNotification): void {
+  const { sessionId, update } = notification;
+  const draft = getState().drafts[sessionId];
+  if (draft !== undefined) {
+    setState((state) => ({ drafts: { ...state.drafts, [sessionId]: sessionReducer(draft, notification) } }));
+  } else {
+    change(sessionId, (conversation) => sessionReducer(conversation, notification));
+  }
+  if (update.sessionUpdate === "tool_call_update" && decisionOf(update._meta) !== null) {
+    closeQuestion(sessionId, update.toolCallId);
+  }
+  if (update.sessionUpdate === "session_info_update" && update.title !== undefined) {
+    const title = update.title;
+    setState((state) => ({
+      sessions: state.sessions.map((known) => (known.sessionId === sessionId ? { ...known, title } : known)),
+    }));
+  }
+}
+
+export async function listSessions(): Promise<void> {
+  const peer = agent;
+  if (peer === null) return;
+  const page = await peer.request(methods.agent.session.list, {});
+  setState((state) => {
+    // One that was just begun here is not on the list before its first event has been written.
+    const current = state.sessions.filter(
+      (known) =>
+        known.sessionId === state.currentId &&
+        !page.sessions.some(({ sessionId }) => sessionId === known.sessionId),
+    );
+    return {
+      sessions: [...current, ...page.sessions],
+      moreSessions: page.nextCursor ?? null,
+      sessionsKnown: true,
+    };
+  });
+}
+
+export async function listMoreSessions(): Promise<void> {
+  const cursor = getState().moreSessions;
+  if (agent === null || cursor === null) return;
+  const page = await agent.request(methods.agent.session.list, { cursor });
+  setState((state) => ({
+    sessions: [
+      ...state.sessions,
+      ...page.sessions.filter(
+        ({ sessionId }) => !state.sessions.some((known) => known.sessionId === sessionId),
+      ),
+    ],
+    moreSessions: page.nextCursor ?? null,
+  }));
+}
+
+/** After connecting: the session of the address, else the last one, else the newest, else a new one. */
+export async function openFirst(mayPrompt: boolean): Promise<void> {
+  const wanted = getState().currentId ?? sessionOfAddress();
+  if (wanted !== null && (await openSession(wanted))) return;
+  const newest = getState().sessions.find(({ sessionId }) => sessionId !== wanted);
+  if (newest !== undefined && (await openSession(newest.sessionId))) return;
+  if (mayPrompt) await newSession();
+  else setState({ currentId: null, opening: false });
+}
+
+function attach(sessionId: string, answer: NewSessionResponse | LoadSessionResponse): void {
+  setState((state) => {
+    const { [sessionId]: draft = EMPTY, ...drafts } = state.drafts;
+    return {
+      drafts,
+      conversations: { ...state.conversations, [sessionId]: opened(draft, answer) },
+      attached: new Set(state.attached).add(sessionId),
+      ...(state.currentId === sessionId ? { opening: false } : {}),
+    };
+  });
+}
+
+/** Shows a session; false when it does not exist (any more). Throws when the connection breaks meanwhile. */
+export async function openSession(sessionId: string): Promise<boolean> {
+  const { attached, drafts } = getState();
+  setState({ currentId: sessionId, opening: !attached.has(sessionId) });
+  rememberSession(sessionId);
+  const peer = agent;
+  if (attached.has(sessionId) || sessionId in drafts || peer === null) return true;
+  setState((state) => ({ drafts: { ...state.drafts, [sessionId]: EMPTY } }));
+  try {
+    attach(
+      sessionId,
+      await peer.request(methods.agent.session.load, { sessionId, cwd: CWD, mcpServers: [] }),
+    );
+    return true;
+  } catch (error) {
+    forgetDraft(sessionId);
+    if (!(error instanceof RequestError)) throw error;
+    toast("info", i18next.t("sessions.gone"));
+    setState((state) => ({
+      sessions: state.sessions.filter((known) => known.sessionId !== sessionId),
+      ...(state.currentId === sessionId ? { currentId: null, opening: false } : {}),
+    }));
+    return false;
+  }
+}
+
+function forgetDraft(sessionId: string): void {
+  setState(({ drafts: { [sessionId]: _, ...drafts } }) => ({ drafts }));
+}
+
+/** Begins a session, or stays in the current one while nothing has happened in it. */
+export async function newSession(): Promise<void> {
+  const { currentId, conversations, attached } = getState();
+  if (agent === null) return;
+  if (currentId !== null && attached.has(currentId) && conversations[currentId]?.items.length === 0) return;
+  const answer = await agent.request(methods.agent.session.new, { cwd: CWD, mcpServers: [] });
+  attach(answer.sessionId, answer);
+  setState({ currentId: answer.sessionId, opening: false });
+  rememberSession(answer.sessionId);
+}
+
+export async function deleteSession(sessionId: string): Promise<void> {
+  if (agent === null) return;
+  await agent.request(methods.agent.session.delete, { sessionId });
+  setState((state) => {
+    const { [sessionId]: _, ...conversations } = state.conversations;
+    const attached = new Set(state.attached);
+    attached.delete(sessionId);
+    return {
+      conversations,
+      attached,
+      sessions: state.sessions.filter((known) => known.sessionId !== sessionId),
+      ...(state.currentId === sessionId ? { currentId: null } : {}),
+    };
+  });
+  if (getState().currentId === null) await openFirst(true);
+}
+
+/** Sends a prompt and returns when its turn is over. */
+export async function prompt(text: string, author: string): Promise<void> {
+  const sessionId = getState().currentId;
+  const peer = agent;
+  if (peer === null || sessionId === null) return;
+  change(sessionId, (conversation) => promptSent(conversation, text, author));
+  setState((state) => ({ sessions: withCurrent(state.sessions, sessionId, text) }));
+  try {
+    const answer = await peer.request(methods.agent.session.prompt, {
+      sessionId,
+      prompt: [{ type: "text", text }],
+    });
+    change(sessionId, (conversation) => promptEnded(conversation, answer.stopReason));
+  } catch (error) {
+    // A lost connection ends no turn: loading the session again will tell how it stands.
+    if (!(error instanceof RequestError) || agent !== peer) return;
+    change(sessionId, (conversation) => promptFailed(conversation, error.message));
+  }
+  closeQuestionsOf(sessionId);
+  await listSessions().catch(() => undefined);
+}
+
+function withCurrent(
+  sessions: ReturnType<typeof getState>["sessions"],
+  sessionId: string,
+  text: string,
+): ReturnType<typeof getState>["sessions"] {
+  const known = sessions.find((session) => session.sessionId === sessionId);
+  const updatedAt = new Date().toISOString();
+  return [
+    known ? { ...known, updatedAt } : { sessionId, cwd: CWD, title: text.slice(0, 80), updatedAt },
+    ...sessions.filter((session) => session.sessionId !== sessionId),
+  ];
+}
+
+export async function cancelTurn(): Promise<void> {
+  const sessionId = getState().currentId;
+  if (agent === null || sessionId === null) return;
+  change(sessionId, cancelAsked);
+  await agent.notify(methods.agent.session.cancel, { sessionId });
+}
+
+export async function choose(setting: Setting, value: string): Promise<void> {
+  const sessionId = getState().currentId;
+  if (agent === null || sessionId === null) return;
+  try {
+    if (setting.configId === null) {
+      await agent.request(methods.agent.session.setMode, { sessionId, modeId: value });
+      change(sessionId, (conversation) =>
+        conversation.modes ? { ...conversation, modes: { ...conversation.modes, current: value } } : conversation,
+      );
+    } else {
+      const { configId } = setting;
+      const answer = await agent.request(methods.agent.session.setConfigOption, { sessionId, configId, value });
+      change(sessionId, (conversation) => ({ ...conversation, options: answer.configOptions }));
+    }
+  } catch (error) {
+    if (error instanceof RequestError) toast("danger", error.message);
+  }
+}

@@ -1,0 +1,113 @@
+/**
+ * The robot's small, slow state as the agent sends it in `_robot/telemetry`. Parsed once here; a message that
+ * cannot be read counts as "robot not reachable", so that a screen never shows a number that nobody sent.
+ */
+import { asNumber, asString, isRecord } from "./meta";
+
+export interface Pose {
+  /** m in the map frame. */
+  x: number;
+  y: number;
+  /** rad, counter-clockwise from the map's x axis. */
+  yaw: number;
+}
+
+export interface Motion {
+  kind: string;
+  goal: Pose | null;
+  place: string | null;
+  /** m and s that are left. */
+  distance: number | null;
+  seconds: number | null;
+}
+
+export interface Stop {
+  by: string;
+  /** Unix seconds. */
+  at: number;
+}
+
+export interface Telemetry {
+  robot: string | null;
+  online: boolean;
+  pose: Pose | null;
+  /** m/s forward, rad/s counter-clockwise. */
+  linear: number | null;
+  angular: number | null;
+  /** From 0 to 1. */
+  battery: number | null;
+  charging: boolean;
+  motion: Motion | null;
+  stop: Stop | null;
+  speaking: string | null;
+  turn: { sessionId: string; by: string } | null;
+}
+
+const SILENT: Telemetry = {
+  robot: null,
+  online: false,
+  pose: null,
+  linear: null,
+  angular: null,
+  battery: null,
+  charging: false,
+  motion: null,
+  stop: null,
+  speaking: null,
+  turn: null,
+};
+
+function parsePose(value: unknown): Pose | null {
+  if (!isRecord(value)) return null;
+  const [x, y, yaw] = [asNumber(value["x"]), asNumber(value["y"]), asNumber(value["yaw"])];
+  return x === null || y === null || yaw === null ? null : { x, y, yaw };
+}
+
+function parseMotion(value: unknown): Motion | null {
+  if (!isRecord(value)) return null;
+  return {
+    kind: asString(value["kind"]) ?? "navigate",
+    goal: parsePose(value["goal"]),
+    place: asString(value["place"]),
+    distance: asNumber(value["distance"]),
+    seconds: asNumber(value["seconds"]),
+  };
+}
+
+export function parseStop(value: unknown): Stop | null {
+  if (!isRecord(value)) return null;
+  const at = value["at"];
+  const seconds = typeof at === "string" ? Date.parse(at) / 1000 : asNumber(at);
+  return {
+    by: asString(value["by"]) ?? "",
+    at: seconds === null || Number.isNaN(seconds) ? Date.now() / 1000 : seconds,
+  };
+}
+
+export function parseTelemetry(params: unknown): Telemetry {
+  if (!isRecord(params) || params["online"] !== true) {
+    const turn = isRecord(params) ? parseTurn(params["turn"]) : null;
+    return { ...SILENT, robot: isRecord(params) ? asString(params["robot"]) : null, turn };
+  }
+  const twist = isRecord(params["twist"]) ? params["twist"] : {};
+  const battery = isRecord(params["battery"]) ? params["battery"] : {};
+  return {
+    robot: asString(params["robot"]),
+    online: true,
+    pose: parsePose(params["pose"]),
+    linear: asNumber(twist["linear"]),
+    angular: asNumber(twist["angular"]),
+    battery: asNumber(battery["level"]),
+    charging: battery["charging"] === true,
+    motion: parseMotion(params["motion"]),
+    stop: parseStop(params["stop"]),
+    speaking: asString(params["speaking"]),
+    turn: parseTurn(params["turn"]),
+  };
+}
+
+function parseTurn(value: unknown): Telemetry["turn"] {
+  if (!isRecord(value)) return null;
+  const sessionId = asString(value["sessionId"]);
+  return sessionId === null ? null : { sessionId, by: asString(value["by"]) ?? "" };
+}

@@ -1,0 +1,48 @@
+/** What is cut off right now, and what happens next: the network, the agent, or the robot. */
+import { CloudOff, Unplug } from "lucide-react";
+import { useTranslation } from "react-i18next";
+import { tryNow } from "../acp/dashboard";
+import { useNow } from "../hooks/use-now";
+import { robotName, useStore } from "../state/store";
+
+export function ConnectionBand() {
+  const { t } = useTranslation();
+  const link = useStore((state) => state.link);
+  const reachable = useStore((state) => state.reachable);
+  const agentUp = useStore((state) => state.health?.agent.up ?? true);
+  const robotDown = useStore((state) => state.health?.robot.up === false || state.telemetry?.online === false);
+  const robot = useStore(robotName);
+
+  if (link.status === "waiting" || (link.status === "connecting" && !link.first)) {
+    const why = !reachable ? "network" : agentUp ? null : "agent";
+    return (
+      <section className="band band-plain" data-testid="connection-band" role="status">
+        <CloudOff aria-hidden />
+        <p>
+          <strong>{t("connection.lost")}</strong> {why !== null && <>{t(`connection.${why}`)} </>}
+          {link.status === "waiting" ? <Countdown until={link.retryAt} /> : t("connection.now")}
+        </p>
+        <button type="button" className="button on-plain" onClick={tryNow}>
+          {t("connection.tryNow")}
+        </button>
+      </section>
+    );
+  }
+  if (link.status === "online" && robotDown) {
+    return (
+      <section className="band band-plain" data-testid="robot-band" role="status">
+        <Unplug aria-hidden />
+        <p>{t("connection.robot", { robot })}</p>
+      </section>
+    );
+  }
+  return null;
+}
+
+/** Not announced each second: the band as a whole was. */
+function Countdown({ until }: { until: number }) {
+  const { t } = useTranslation();
+  const now = useNow(250);
+  const count = Math.max(1, Math.ceil((until - now) / 1000));
+  return <span aria-live="off">{t("connection.again", { count })}</span>;
+}

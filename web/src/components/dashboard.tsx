@@ -1,0 +1,72 @@
+/** The supervisor's screen: what stands where on a wide window, a tablet and a phone. */
+import { useEffect, useState } from "react";
+import { useTranslation } from "react-i18next";
+import { end, start } from "../acp/dashboard";
+import { useLayout } from "../hooks/use-media";
+import { robotName, useStore } from "../state/store";
+import { ConnectionBand } from "./connection-band";
+import { Header } from "./header";
+import { PhoneTabs, type Tab } from "./phone-tabs";
+import { ScenePane } from "./scene-pane";
+import { SessionDrawer, SessionPane } from "./session-pane";
+import { StopBand, StopFailed } from "./stop-band";
+import { TalkPane } from "./talk-pane";
+import { Toasts } from "./toasts";
+import { focusQuestion } from "./question-card";
+
+export function Dashboard() {
+  const { t } = useTranslation();
+  const layout = useLayout();
+  const [tab, setTab] = useState<Tab>("talk");
+  const [drawer, setDrawer] = useState(false);
+  useDocumentTitle();
+
+  useEffect(() => {
+    start();
+    return end;
+  }, []);
+
+  const phone = layout === "phone";
+  const showQuestion = (): void => {
+    setTab("talk");
+    setDrawer(false);
+    // The pane has to be on the screen before anything in it can take the focus.
+    requestAnimationFrame(focusQuestion);
+  };
+
+  return (
+    <div className="app" data-layout={layout}>
+      <a className="skip" href="#conversation">
+        {t("app.skip")}
+      </a>
+      <Header layout={layout} onMenu={() => setDrawer(true)} onQuestion={showQuestion} />
+      <div className="bands">
+        <StopFailed />
+        <StopBand />
+        <ConnectionBand />
+      </div>
+      <main className="panes" data-tab={tab}>
+        {layout === "wide" && <SessionPane onChosen={() => undefined} />}
+        {phone && tab === "sessions" && <SessionPane onChosen={() => setTab("talk")} />}
+        <TalkPane hidden={phone && tab !== "talk"} />
+        <ScenePane hidden={phone && tab !== "map"} lazy={phone} />
+      </main>
+      {layout === "medium" && <SessionDrawer open={drawer} onOpenChange={setDrawer} />}
+      {phone && <PhoneTabs tab={tab} onTab={setTab} />}
+      <Toasts />
+    </div>
+  );
+}
+
+/** A question has to be seen even while another tab of the browser is in front. */
+function useDocumentTitle(): void {
+  const { t } = useTranslation();
+  const robot = useStore(robotName);
+  const count = useStore((state) => state.questions.length);
+  const what = useStore((state) => state.questions[0]?.title ?? "");
+  const stopped = useStore((state) => state.stop !== null);
+  useEffect(() => {
+    if (count > 0) document.title = t("title.asks", { robot, count, what });
+    else document.title = t(stopped ? "title.stopped" : "title.plain", { robot });
+  }, [t, robot, count, what, stopped]);
+}

@@ -1,0 +1,248 @@
+/** The line at the top: the robot's state first, then what can be set, and Stop, always. */
+import {
+  BatteryCharging,
+  BatteryFull,
+  BatteryLow,
+  BatteryMedium,
+  CircleUserRound,
+  Gauge,
+  Hand,
+  LogOut,
+  Menu,
+  ShieldQuestion,
+  SlidersHorizontal,
+  Wifi,
+  WifiOff,
+} from "lucide-react";
+import { Dialog, DropdownMenu } from "radix-ui";
+import type { ReactNode } from "react";
+import { useTranslation } from "react-i18next";
+import { logOut } from "../acp/dashboard";
+import type { Layout } from "../hooks/use-media";
+import { fixed, percent, speed } from "../i18n/format";
+import { robotState } from "../state/robot";
+import { robotName, useMe, useStore } from "../state/store";
+import { Mark } from "./mark";
+import { SettingSelects } from "./setting-select";
+import { StopButton } from "./stop-button";
+
+const LOW_BATTERY = 0.2;
+
+export function Header({
+  layout,
+  onMenu,
+  onQuestion,
+}: {
+  layout: Layout;
+  onMenu: () => void;
+  onQuestion: () => void;
+}) {
+  const { t } = useTranslation();
+  return (
+    <header className="bar">
+      {layout === "medium" && (
+        <button type="button" className="icon-button" aria-label={t("sessions.open")} onClick={onMenu}>
+          <Menu aria-hidden />
+        </button>
+      )}
+      {layout === "wide" && <Mark />}
+      <RobotState />
+      <Metrics />
+      <QuestionChip onClick={onQuestion} />
+      <span className="bar-space" />
+      {layout === "wide" ? (
+        <div className="bar-settings">
+          <SettingSelects />
+          <MeMenu />
+        </div>
+      ) : (
+        <SettingsDialog />
+      )}
+      <StopButton />
+    </header>
+  );
+}
+
+function RobotState() {
+  const { t } = useTranslation();
+  const name = useStore(robotName);
+  const kind = useStore((state) =>
+    robotState(state.telemetry, state.link, state.health, state.stop?.by ?? null),
+  );
+  const words =
+    kind.kind === "driving" && kind.place !== null
+      ? t("state.drivingTo", { place: kind.place })
+      : t(`state.${kind.kind}`);
+  return (
+    <h1 className="robot">
+      <span className="robot-name">{name}</span>
+      <span className="robot-state" data-testid="robot-state" data-state={kind.kind} role="status">
+        <span className="robot-dot" aria-hidden="true" />
+        <span className="robot-words" title={words}>
+          {words}
+        </span>
+      </span>
+    </h1>
+  );
+}
+
+function Metrics() {
+  const { t } = useTranslation();
+  const me = useMe();
+  const battery = useStore((state) => state.telemetry?.battery ?? null);
+  const charging = useStore((state) => state.telemetry?.charging ?? false);
+  const linear = useStore((state) => state.telemetry?.linear ?? null);
+  const holder = useStore((state) => state.telemetry?.turn?.by ?? null);
+  const low = battery !== null && battery <= LOW_BATTERY && !charging;
+  return (
+    <ul className="metrics" aria-label={t("status.label")}>
+      <Metric
+        testId="status-battery"
+        icon={<BatteryIcon level={battery} charging={charging} />}
+        label={charging ? t("status.batteryCharging") : low ? t("status.batteryLow") : t("status.battery")}
+        value={battery === null ? t("status.unknown") : percent(battery)}
+        tone={low ? "danger" : undefined}
+        wide={low ? t("status.batteryLow") : undefined}
+      />
+      <Metric
+        testId="status-speed"
+        icon={<Gauge aria-hidden />}
+        label={t("status.speed")}
+        value={linear === null ? t("status.unknown") : speed(linear)}
+      />
+      <LinkMetric />
+      {holder !== null && (
+        <li className="metric metric-holder" data-testid="status-holder">
+          <Hand aria-hidden />
+          <span className="metric-value">
+            {holder === me.name ? t("status.heldByYou") : t("status.heldBy", { name: holder })}
+          </span>
+        </li>
+      )}
+    </ul>
+  );
+}
+
+function LinkMetric() {
+  const { t } = useTranslation();
+  const latency = useStore((state) => state.latencyMs);
+  const online = useStore((state) => state.link.status === "online");
+  return (
+    <Metric
+      testId="status-link"
+      icon={online ? <Wifi aria-hidden /> : <WifiOff aria-hidden />}
+      label={t("status.link")}
+      value={
+        online && latency !== null
+          ? t("status.linkTime", { value: fixed(latency, 0) })
+          : t(online ? "status.unknown" : "status.linkLost")
+      }
+    />
+  );
+}
+
+function Metric(props: {
+  testId: string;
+  icon: ReactNode;
+  label: string;
+  value: string;
+  tone?: "danger" | undefined;
+  wide?: string | undefined;
+}) {
+  return (
+    <li className="metric" data-testid={props.testId} data-tone={props.tone} title={props.label}>
+      {props.icon}
+      <span className="sr-only">{props.label} </span>
+      <span className="metric-value">{props.value}</span>
+    </li>
+  );
+}
+
+function BatteryIcon({ level, charging }: { level: number | null; charging: boolean }) {
+  if (charging) return <BatteryCharging aria-hidden />;
+  if (level === null || level > 0.7) return <BatteryFull aria-hidden />;
+  return level > LOW_BATTERY ? <BatteryMedium aria-hidden /> : <BatteryLow aria-hidden />;
+}
+
+/** The pending question in short; it leads to the question itself. */
+function QuestionChip({ onClick }: { onClick: () => void }) {
+  const { t } = useTranslation();
+  const name = useStore(robotName);
+  const question = useStore((state) => state.questions[0] ?? null);
+  if (question === null) return null;
+  return (
+    <button
+      type="button"
+      className="question-chip"
+      data-testid="question-chip"
+      aria-label={t("question.show", { what: question.title })}
+      onClick={onClick}
+    >
+      <ShieldQuestion aria-hidden />
+      <span className="question-chip-text">
+        <strong>{t("question.asks", { robot: name })}</strong> {question.title}
+      </span>
+    </button>
+  );
+}
+
+function MeMenu() {
+  const { t } = useTranslation();
+  const me = useMe();
+  return (
+    <DropdownMenu.Root>
+      <DropdownMenu.Trigger
+        className="me"
+        aria-label={t("status.me", { name: me.name, role: t(`role.${me.role}`) })}
+      >
+        <CircleUserRound aria-hidden />
+        <span className="me-name">{me.name}</span>
+        <span className="muted"> · {t(`role.${me.role}`)}</span>
+      </DropdownMenu.Trigger>
+      <DropdownMenu.Portal>
+        <DropdownMenu.Content className="menu" align="end" sideOffset={4} collisionPadding={8}>
+          <DropdownMenu.Item className="menu-item" onSelect={() => void logOut()}>
+            <LogOut aria-hidden /> {t("status.logOut")}
+          </DropdownMenu.Item>
+        </DropdownMenu.Content>
+      </DropdownMenu.Portal>
+    </DropdownMenu.Root>
+  );
+}
+
+/** Mode, model and login on smaller screens, where the line at the top has no room for them. */
+function SettingsDialog() {
+  const { t } = useTranslation();
+  const me = useMe();
+  return (
+    <Dialog.Root>
+      <Dialog.Trigger className="icon-button" aria-label={t("status.settings")}>
+        <SlidersHorizontal aria-hidden />
+      </Dialog.Trigger>
+      <Dialog.Portal>
+        <Dialog.Overlay className="overlay" />
+        <Dialog.Content className="dialog sheet" aria-describedby="settings-hint">
+          <Dialog.Title>{t("status.settings")}</Dialog.Title>
+          <p id="settings-hint" className="muted small">
+            {t("status.settingsHint")}
+          </p>
+          <div className="settings-stack">
+            <SettingSelects />
+          </div>
+          <p className="me-line">
+            <CircleUserRound aria-hidden />
+            <span>
+              <strong>{me.name}</strong> · {t(`role.${me.role}`)}
+            </span>
+          </p>
+          <div className="dialog-actions">
+            <button type="button" className="button" onClick={() => void logOut()}>
+              <LogOut aria-hidden /> {t("status.logOut")}
+            </button>
+            <Dialog.Close className="button primary">{t("sessions.close")}</Dialog.Close>
+          </div>
+        </Dialog.Content>
+      </Dialog.Portal>
+    </Dialog.Root>
+  );
+}

@@ -1,0 +1,187 @@
+/**
+ * The pending question, pinned above the field to write in. Allowing takes an act of will: the focus is on "Don't",
+ * Allow is dead for the first moment, and no key that was meant for something else reaches it.
+ */
+import { ShieldQuestion } from "lucide-react";
+import { Checkbox } from "radix-ui";
+import { Check } from "lucide-react";
+import { useEffect, useId, useRef, useState, type MouseEvent } from "react";
+import { useTranslation } from "react-i18next";
+import type { PermissionOption } from "@agentclientprotocol/sdk";
+import { useNow } from "../hooks/use-now";
+import { canApprove } from "../state/rights";
+import { robotName, useMe, useStore, type Question } from "../state/store";
+import { COMPOSER_ID, useComposerText } from "./composer-text";
+
+const DEAD_MS = 400;
+const DONT_ID = "question-dont";
+
+/** Brings the pending question to the eye and the keyboard. */
+export function focusQuestion(): void {
+  const button = document.getElementById(DONT_ID);
+  button?.scrollIntoView({ block: "nearest" });
+  button?.focus();
+}
+
+export function QuestionDock() {
+  const { t } = useTranslation();
+  const me = useMe();
+  const question = useStore((state) => state.questions[0] ?? null);
+  const count = useStore((state) => state.questions.length);
+  const waits = useStore((state) => {
+    const conversation = state.currentId === null ? undefined : state.conversations[state.currentId];
+    const last = conversation?.turn ? conversation.items.findLast((item) => item.kind === "tool") : undefined;
+    return last?.kind === "tool" && last.status === "pending" && last.decision === null;
+  });
+  if (question !== null) return <QuestionCard key={question.key} question={question} count={count} />;
+  if (waits && !canApprove(me.role)) {
+    return (
+      <p className="question-waits" role="status">
+        <ShieldQuestion aria-hidden /> {t("question.viewer")}
+      </p>
+    );
+  }
+  return null;
+}
+
+type Pair = Record<"allow" | "reject", PermissionOption | undefined>;
+
+function pick(options: PermissionOption[], every: boolean): Pair {
+  const kind = every ? "always" : "once";
+  return {
+    allow: options.find((option) => option.kind === `allow_${kind}`),
+    reject: options.find((option) => option.kind === `reject_${kind}`),
+  };
+}
+
+export function QuestionCard({ question, count }: { question: Question; count: number }) {
+  const { t } = useTranslation();
+  const robot = useStore(robotName);
+  const me = useMe();
+  const [alive, setAlive] = useState(false);
+  const [every, setEvery] = useState(false);
+  const bornAt = useRef(0);
+  const ids = { title: useId(), text: useId(), every: useId() };
+  const always = pick(question.options, true);
+  const chosen = pick(question.options, every);
+
+  useEffect(() => {
+    bornAt.current = performance.now();
+    const timer = setTimeout(() => setAlive(true), DEAD_MS);
+    // Somebody in the middle of a sentence keeps the keyboard: the next letter must not land on a button.
+    const writing =
+      document.activeElement?.id === COMPOSER_ID && useComposerText.getState().text.trim() !== "";
+    if (!writing) document.getElementById(DONT_ID)?.focus();
+    return () => clearTimeout(timer);
+  }, []);
+
+  const answer = (option: PermissionOption | undefined): void => {
+    question.answer({
+      outcome: option ? { outcome: "selected", optionId: option.optionId } : { outcome: "cancelled" },
+    });
+    document.getElementById(COMPOSER_ID)?.focus();
+  };
+  const refuse = (event: MouseEvent): void => {
+    // A click that a key made within the first moment was meant for what had the focus before.
+    if (event.detail === 0 && performance.now() - bornAt.current < DEAD_MS) return;
+    answer(chosen.reject);
+  };
+
+  return (
+    <section
+      className="question"
+      role="alertdialog"
+      aria-modal="false"
+      aria-labelledby={ids.title}
+      aria-describedby={ids.text}
+      data-testid="permission"
+    >
+      <div className="question-head">
+        <ShieldQuestion aria-hidden />
+        <h2 id={ids.title}>{t("question.asks", { robot })}</h2>
+        <QuestionPlace question={question} />
+        {count > 1 && <span className="muted">{t("question.of", { at: 1, all: count })}</span>}
+      </div>
+      <p className="question-text" id={ids.text}>
+        {question.title === "" ? t("question.untitled") : question.title}
+      </p>
+      <p className="question-meta muted">
+        {question.asker !== null && (
+          <span>
+            {question.asker === me.name ? t("question.byYou") : t("question.by", { name: question.asker })}
+          </span>
+        )}
+        {question.expiresAt !== null && (
+          <TimeLeft expiresAt={question.expiresAt} timeoutS={question.timeoutS} />
+        )}
+      </p>
+      <div className="question-actions">
+        {always.allow !== undefined && (
+          <div className="check">
+            <Checkbox.Root
+              id={ids.every}
+              className="checkbox"
+              checked={every}
+              onCheckedChange={(value) => setEvery(value === true)}
+              data-testid="permission-every"
+            >
+              <Checkbox.Indicator>
+                <Check aria-hidden />
+              </Checkbox.Indicator>
+            </Checkbox.Root>
+            <label htmlFor={ids.every} title={always.allow.name}>
+              {t("question.every")}
+            </label>
+          </div>
+        )}
+        <div className="question-buttons">
+          <button type="button" className="button" id={DONT_ID} data-testid="permission-reject" onClick={refuse}>
+            {t("question.dont")}
+          </button>
+          <button
+            type="button"
+            className="button primary"
+            data-testid="permission-allow"
+            disabled={!alive || chosen.allow === undefined}
+            onClick={() => answer(chosen.allow)}
+          >
+            {t("question.allow")}
+          </button>
+        </div>
+      </div>
+    </section>
+  );
+}
+
+/** Said only when the question is not of the session on the screen. */
+function QuestionPlace({ question }: { question: Question }) {
+  const { t } = useTranslation();
+  const here = useStore((state) => state.currentId === question.sessionId);
+  const title = useStore(
+    (state) => state.sessions.find(({ sessionId }) => sessionId === question.sessionId)?.title ?? null,
+  );
+  if (here) return null;
+  return (
+    <span className="question-place muted">
+      {t("question.elsewhere", { title: title ?? t("sessions.untitled") })}
+    </span>
+  );
+}
+
+function TimeLeft({ expiresAt, timeoutS }: { expiresAt: number; timeoutS: number | null }) {
+  const { t } = useTranslation();
+  const now = useNow(250);
+  const left = Math.max(0, expiresAt - now);
+  const count = Math.ceil(left / 1000);
+  const share = timeoutS === null || timeoutS <= 0 ? null : Math.min(1, left / (timeoutS * 1000));
+  return (
+    <span className="question-left" data-testid="permission-left" aria-live="off">
+      {count > 0 ? t("question.left", { count }) : t("question.over")}
+      {share !== null && (
+        <span className="track" aria-hidden="true">
+          <span className="track-done" style={{ width: `${share * 100}%` }} />
+        </span>
+      )}
+    </span>
+  );
+}

@@ -1,0 +1,124 @@
+/** The live map, and in words what it shows. */
+import { MapPinOff } from "lucide-react";
+import { useEffect, useState } from "react";
+import { useTranslation } from "react-i18next";
+import { degrees, fixed, metres, percent, seconds, speed } from "../i18n/format";
+import { robotState } from "../state/robot";
+import { robotName, useStore } from "../state/store";
+
+const SCENE = "/scene/";
+const ASK_AGAIN_MS = 5000;
+
+/** `lazy`: the map costs power and data, so a phone loads it when it is looked at first, and keeps it then. */
+export function ScenePane({ hidden, lazy }: { hidden: boolean; lazy: boolean }) {
+  const { t } = useTranslation();
+  const [wanted, setWanted] = useState(!lazy);
+  if (!hidden && !wanted) setWanted(true);
+  return (
+    <section className="pane scene" aria-label={t("scene.title")} data-hidden={hidden} inert={hidden}>
+      <div className="scene-view">{wanted && <Scene />}</div>
+      <StatusList />
+    </section>
+  );
+}
+
+function Scene() {
+  const { t } = useTranslation();
+  const robot = useStore(robotName);
+  const there = useSceneThere();
+  if (there === true) return <iframe src={SCENE} title={t("scene.frame", { robot })} />;
+  return (
+    <div className="scene-none">
+      {there === false && (
+        <>
+          <MapPinOff aria-hidden />
+          <p>{t("scene.unavailable")}</p>
+          <p className="muted small">{t("scene.unavailableHint")}</p>
+        </>
+      )}
+    </div>
+  );
+}
+
+/** Whether the scene answers; asked until it does. Null while nobody knows. */
+function useSceneThere(): boolean | null {
+  const [there, setThere] = useState<boolean | null>(null);
+  const online = useStore((state) => state.reachable);
+  useEffect(() => {
+    if (there === true || !online) return;
+    let over = false;
+    const ask = async (): Promise<void> => {
+      const answer = await fetch(SCENE, { credentials: "same-origin" }).catch(() => null);
+      const type = answer?.headers.get("Content-Type") ?? "";
+      await answer?.body?.cancel().catch(() => undefined);
+      if (!over) setThere(answer?.ok === true && type.startsWith("text/html"));
+    };
+    void ask();
+    const timer = setInterval(() => void ask(), ASK_AGAIN_MS);
+    return () => {
+      over = true;
+      clearInterval(timer);
+    };
+  }, [there, online]);
+  return there;
+}
+
+function StatusList() {
+  const { t } = useTranslation();
+  const robot = useStore(robotName);
+  const telemetry = useStore((state) => state.telemetry);
+  if (telemetry?.online !== true) {
+    return <p className="status-none muted small">{t("scene.noData", { robot })}</p>;
+  }
+  const { pose, motion, battery, charging, linear } = telemetry;
+  return (
+    <dl className="status-list">
+      <Row name={t("scene.doing")} wide>
+        <Doing />
+      </Row>
+      <Row name={t("scene.goal")} wide>
+        {motion === null || motion.kind === "rotate" ? (
+          <span className="muted">{t("scene.noGoal")}</span>
+        ) : (
+          <>
+            {motion.place ??
+              (motion.goal && `${fixed(motion.goal.x, 1)}, ${fixed(motion.goal.y, 1)} m`)}
+            {motion.distance !== null && motion.seconds !== null && (
+              <span className="muted">
+                {" "}
+                · {t("scene.goalLeft", { distance: metres(motion.distance), seconds: seconds(motion.seconds) })}
+              </span>
+            )}
+          </>
+        )}
+      </Row>
+      <Row name={t("scene.position")}>
+        {pose && t("scene.pose", { x: fixed(pose.x, 2), y: fixed(pose.y, 2), deg: degrees(pose.yaw) })}
+      </Row>
+      <Row name={t("scene.speed")}>{linear === null ? t("status.unknown") : speed(linear)}</Row>
+      <Row name={t("scene.battery")}>
+        {battery === null ? t("status.unknown") : percent(battery)}
+        {charging && <span className="muted"> · {t("status.batteryCharging")}</span>}
+      </Row>
+    </dl>
+  );
+}
+
+function Row({ name, wide, children }: { name: string; wide?: boolean; children: React.ReactNode }) {
+  return (
+    <div className="status-row" data-wide={wide}>
+      <dt>{name}</dt>
+      <dd>{children}</dd>
+    </div>
+  );
+}
+
+function Doing() {
+  const { t } = useTranslation();
+  const state = useStore((all) => robotState(all.telemetry, all.link, all.health, all.stop?.by ?? null));
+  const speaking = useStore((all) => all.telemetry?.speaking ?? null);
+  if (speaking !== null) return t("scene.saying", { text: speaking });
+  if (state.kind === "ready") return t("scene.standing");
+  if (state.kind === "driving" && state.place !== null) return t("state.drivingTo", { place: state.place });
+  return t(`state.${state.kind}`);
+}

@@ -1,0 +1,71 @@
+/** While the robot is stopped: who did it, when, and what releases it. And, loudly, when Stop did not get through. */
+import { OctagonAlert, OctagonX } from "lucide-react";
+import { useState } from "react";
+import { useTranslation } from "react-i18next";
+import { releaseRobot, stopRobot } from "../acp/dashboard";
+import { clock } from "../i18n/format";
+import { canRelease } from "../state/rights";
+import { robotName, useMe, useStore } from "../state/store";
+import { Confirm } from "./confirm";
+
+export function StopBand() {
+  const { t } = useTranslation();
+  const stop = useStore((state) => state.stop);
+  const robot = useStore(robotName);
+  const me = useMe();
+  if (stop === null) return null;
+  const time = clock(stop.at);
+  return (
+    <section className="band band-danger" data-testid="stop-band" role="alert">
+      <OctagonX aria-hidden />
+      <p>
+        <strong>
+          {stop.by === me.name
+            ? t("stop.stoppedByYou", { time })
+            : t("stop.stoppedBy", { name: stop.by, time })}
+        </strong>{" "}
+        {canRelease(me.role) ? t("stop.stays", { robot }) : t("stop.askSupervisor")}
+      </p>
+      {canRelease(me.role) && <Release robot={robot} />}
+    </section>
+  );
+}
+
+function Release({ robot }: { robot: string }) {
+  const { t } = useTranslation();
+  const [open, setOpen] = useState(false);
+  return (
+    <>
+      <button type="button" className="button on-danger" data-testid="release" onClick={() => setOpen(true)}>
+        {t("stop.release")}
+      </button>
+      <Confirm
+        open={open}
+        onOpenChange={setOpen}
+        title={t("stop.releaseTitle")}
+        text={t("stop.releaseText", { robot })}
+        no={t("stop.keep")}
+        yes={t("stop.release")}
+        onYes={() => void releaseRobot()}
+        testId="release-confirm"
+      />
+    </>
+  );
+}
+
+export function StopFailed() {
+  const { t } = useTranslation();
+  const error = useStore((state) => state.stopError);
+  if (error === null) return null;
+  return (
+    <section className="band band-danger band-loud" data-testid="stop-failed" role="alert">
+      <OctagonAlert aria-hidden />
+      <p>
+        <strong>{error}</strong>
+      </p>
+      <button type="button" className="button on-danger" onClick={() => void stopRobot()}>
+        {t("stop.again")}
+      </button>
+    </section>
+  );
+}

@@ -1,0 +1,149 @@
+/** One thing that the robot does: what, how far it is, what came of it, and who decided. */
+import {
+  Ban,
+  ChevronRight,
+  CircleAlert,
+  CircleCheck,
+  CircleDashed,
+  CircleSlash,
+  LoaderCircle,
+  ShieldCheck,
+  ShieldQuestion,
+  ShieldX,
+} from "lucide-react";
+import { Collapsible } from "radix-ui";
+import { useTranslation } from "react-i18next";
+import type { Decision } from "../acp/meta";
+import { isRecord } from "../acp/meta";
+import type { ToolItem } from "../state/conversation";
+import { useStore } from "../state/store";
+import { outcomeOf, summaryOf, type Outcome } from "../state/summary";
+import { DataView } from "./data-view";
+import { Picture, Sound } from "./media";
+
+const ICONS: Record<Outcome, typeof Ban> = {
+  pending: CircleDashed,
+  asking: ShieldQuestion,
+  in_progress: LoaderCircle,
+  completed: CircleCheck,
+  failed: CircleAlert,
+  refused: CircleSlash,
+  cancelled: Ban,
+};
+
+export function ToolCard({ item }: { item: ToolItem }) {
+  const { t } = useTranslation();
+  const asking = useStore((state) =>
+    state.questions.some((question) => question.toolCallId === item.id && question.sessionId === state.currentId),
+  );
+  const outcome = outcomeOf(item, asking);
+  const summary = summaryOf(item, outcome);
+  const Icon = ICONS[outcome];
+  return (
+    <article
+      className="card tool"
+      data-testid="tool-card"
+      data-status={item.status}
+      data-outcome={outcome}
+      aria-label={item.title}
+    >
+      <div className="tool-head">
+        <Icon aria-hidden className="tool-icon" />
+        <span className="tool-title">{item.title}</span>
+        <span className="tool-word">{t(`tool.${outcome}`)}</span>
+      </div>
+      {item.progress !== null && item.status === "in_progress" && <Progress item={item} />}
+      {summary !== "" && <p className="tool-summary">{summary}</p>}
+      <Media item={item} />
+      {item.decision !== null && <DecisionLine decision={item.decision} />}
+      <Details item={item} />
+    </article>
+  );
+}
+
+function Progress({ item }: { item: ToolItem }) {
+  const { t } = useTranslation();
+  const { fraction, message } = item.progress ?? { fraction: null, message: "" };
+  const value = fraction === null ? undefined : Math.round(fraction * 100);
+  return (
+    <div className="tool-progress">
+      <div
+        className="track"
+        role="progressbar"
+        aria-label={t("tool.progress", { title: item.title })}
+        aria-valuemin={0}
+        aria-valuemax={100}
+        aria-valuenow={value}
+        aria-valuetext={message}
+      >
+        <span className="track-done" style={{ width: `${value ?? 100}%` }} />
+      </div>
+      <span className="tool-left" aria-hidden="true">
+        {message}
+      </span>
+    </div>
+  );
+}
+
+function Media({ item }: { item: ToolItem }) {
+  return item.content.map((part, index) => {
+    if (part.type !== "content") return null;
+    const block = part.content;
+    if (block.type === "image") {
+      return <Picture key={index} data={block.data} mimeType={block.mimeType} title={item.title} />;
+    }
+    return block.type === "audio" ? <Sound key={index} data={block.data} mimeType={block.mimeType} /> : null;
+  });
+}
+
+function DecisionLine({ decision }: { decision: Decision }) {
+  const { t } = useTranslation();
+  const name = decision.by ?? t("tool.somebody");
+  const allowed = decision.option?.startsWith("allow") === true;
+  const always = decision.option?.endsWith("always") === true;
+  const words =
+    decision.reason === "timeout"
+      ? t("tool.timeout")
+      : decision.reason === "nobody"
+        ? t("tool.nobody")
+        : decision.reason === "cancelled"
+          ? t("tool.withdrawn")
+          : decision.reason === "remembered"
+            ? t(allowed ? "tool.allowedBefore" : "tool.refusedBefore")
+            : allowed
+              ? t(always ? "tool.allowedAlways" : "tool.allowed", { name })
+              : t(always ? "tool.refusedAlways" : "tool.refusedBy", { name });
+  return (
+    <p className="tool-decision" data-testid="decision">
+      {allowed ? <ShieldCheck aria-hidden /> : <ShieldX aria-hidden />} {words}
+    </p>
+  );
+}
+
+function Details({ item }: { item: ToolItem }) {
+  const { t } = useTranslation();
+  const input = isRecord(item.input) && Object.keys(item.input).length === 0 ? null : item.input;
+  const output = item.output ?? null;
+  if ((input ?? null) === null && output === null) return null;
+  return (
+    <Collapsible.Root className="details">
+      <Collapsible.Trigger className="details-head">
+        <ChevronRight aria-hidden className="turner" /> {t("tool.details")}
+      </Collapsible.Trigger>
+      <Collapsible.Content className="details-text">
+        {(input ?? null) !== null && (
+          <section>
+            <h3>{t("tool.asked")}</h3>
+            <DataView value={input} />
+          </section>
+        )}
+        {output !== null && (
+          <section>
+            <h3>{t("tool.result")}</h3>
+            <DataView value={output} />
+          </section>
+        )}
+      </Collapsible.Content>
+    </Collapsible.Root>
+  );
+}

@@ -1,0 +1,52 @@
+/** Keeps a scrolled list at its end while it grows, until the reader scrolls up; then it leaves the reader alone. */
+import { useCallback, useEffect, useRef, useState, type RefObject } from "react";
+
+const NEAR_PX = 48;
+
+export interface Stick {
+  box: RefObject<HTMLDivElement | null>;
+  content: RefObject<HTMLDivElement | null>;
+  atEnd: boolean;
+  toEnd: () => void;
+}
+
+export function useStickToEnd(): Stick {
+  const box = useRef<HTMLDivElement>(null);
+  const content = useRef<HTMLDivElement>(null);
+  /** Set by what the reader does; the effects below read it without drawing anew. */
+  const stuck = useRef(true);
+  const [atEnd, setAtEnd] = useState(true);
+
+  const toEnd = useCallback(() => {
+    stuck.current = true;
+    setAtEnd(true);
+    box.current?.scrollTo({ top: box.current.scrollHeight });
+  }, []);
+
+  useEffect(() => {
+    const outer = box.current;
+    const inner = content.current;
+    if (outer === null || inner === null) return;
+    let lastTop = outer.scrollTop;
+    const scrolled = (): void => {
+      const near = outer.scrollHeight - outer.scrollTop - outer.clientHeight < NEAR_PX;
+      // Growing content also moves the end away; only a reader moves the list up.
+      if (near) stuck.current = true;
+      else if (outer.scrollTop < lastTop) stuck.current = false;
+      lastTop = outer.scrollTop;
+      setAtEnd(stuck.current);
+    };
+    const grown = new ResizeObserver(() => {
+      if (stuck.current) outer.scrollTop = outer.scrollHeight;
+    });
+    outer.addEventListener("scroll", scrolled, { passive: true });
+    grown.observe(inner);
+    grown.observe(outer);
+    return () => {
+      outer.removeEventListener("scroll", scrolled);
+      grown.disconnect();
+    };
+  }, []);
+
+  return { box, content, atEnd, toEnd };
+}

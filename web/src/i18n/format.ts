@@ -1,0 +1,47 @@
+/** Numbers and times in words, in the language of the page. */
+import i18next from "./index";
+
+function number(value: number, digits: number): string {
+  // Adding 0 turns -0 into 0: nobody drives at "-0.0 m/s".
+  const rounded = Number(value.toFixed(digits)) + 0;
+  return new Intl.NumberFormat(i18next.language, {
+    minimumFractionDigits: digits,
+    maximumFractionDigits: digits,
+  }).format(rounded);
+}
+
+export const fixed = number;
+
+export function percent(fraction: number): string {
+  return new Intl.NumberFormat(i18next.language, { style: "percent" }).format(fraction);
+}
+
+export function speed(metresPerSecond: number): string {
+  return i18next.t("status.metresPerSecond", { value: number(Math.abs(metresPerSecond), 1) });
+}
+
+export function seconds(value: number): string {
+  return i18next.t("summary.seconds", { value: number(value, value < 10 ? 1 : 0) });
+}
+
+export function metres(value: number): string {
+  return i18next.t("summary.metres", { value: number(value, 1) });
+}
+
+/** From -pi..pi to 0..359, counter-clockwise from the map's x axis. */
+export function degrees(yaw: number): string {
+  return number(((Math.round((yaw * 180) / Math.PI) % 360) + 360) % 360, 0);
+}
+
+export function clock(unixSeconds: number): string {
+  return new Intl.DateTimeFormat(i18next.language, { timeStyle: "medium" }).format(unixSeconds * 1000);
+}
+
+/** The time of today, else the day. */
+export function when(date: Date, now: Date): string {
+  const style: Intl.DateTimeFormatOptions =
+    date.toDateString() === now.toDateString()
+      ? { hour: "2-digit", minute: "2-digit" }
+      : { day: "numeric", month: "short" };
+  return new Intl.DateTimeFormat(i18next.language, style).format(date);
+}

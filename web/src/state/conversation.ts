@@ -1,0 +1,93 @@
+/** What a session is on the screen: plain immutable data, made by the reducer alone. */
+import type {
+  ContentBlock,
+  PlanEntry,
+  SessionConfigOption,
+  SessionMode,
+  ToolCallContent,
+} from "@agentclientprotocol/sdk";
+import type { Decision, Progress } from "../acp/meta";
+
+export type ToolStatus = "pending" | "in_progress" | "completed" | "failed";
+
+export interface UserItem {
+  kind: "user";
+  key: string;
+  author: string | null;
+  turnId: string | null;
+  blocks: ContentBlock[];
+}
+
+/** What the agent thinks or says: text that grows, and whatever else it shows. */
+export interface AgentItem {
+  kind: "thought" | "agent";
+  key: string;
+  messageId: string | null;
+  text: string;
+  blocks: ContentBlock[];
+}
+
+export interface PlanItem {
+  kind: "plan";
+  key: string;
+  entries: PlanEntry[];
+}
+
+export interface ToolItem {
+  kind: "tool";
+  key: string;
+  id: string;
+  title: string;
+  /** The tool's own name, where the agent tells it: for summaries only. */
+  tool: string | null;
+  status: ToolStatus;
+  content: ToolCallContent[];
+  input: unknown;
+  output: unknown;
+  progress: Progress | null;
+  decision: Decision | null;
+}
+
+/** How a turn ended, where that is worth a line, or what went wrong with sending. */
+export interface NoteItem {
+  kind: "note";
+  key: string;
+  stopReason: string | null;
+  error: string | null;
+}
+
+export type Item = UserItem | AgentItem | PlanItem | ToolItem | NoteItem;
+
+export interface Turn {
+  id: string | null;
+  /** Set from the moment somebody here asked to cancel until the turn has ended. */
+  cancelling: boolean;
+}
+
+export interface Modes {
+  current: string;
+  available: SessionMode[];
+}
+
+export interface Conversation {
+  items: Item[];
+  /** The turn that runs; null while none does. */
+  turn: Turn | null;
+  /** The number of the last update that is in here; what is not newer has been seen. */
+  lastSeq: number;
+  /** How many items have been made; keys are counted so that a replay gives the same ones. */
+  made: number;
+  title: string | null;
+  modes: Modes | null;
+  options: SessionConfigOption[];
+}
+
+export const EMPTY: Conversation = {
+  items: [],
+  turn: null,
+  lastSeq: 0,
+  made: 0,
+  title: null,
+  modes: null,
+  options: [],
+};

@@ -1,0 +1,10 @@
+/** What the role of the person here lets the page offer. The agent and the bridge decide; this only hides what they would refuse. */
+import type { Role } from "../api/http";
+
+const CAN_PROMPT: readonly Role[] = ["visitor", "operator", "supervisor"];
+const CAN_APPROVE: readonly Role[] = ["operator", "supervisor"];
+
+export const canPrompt = (role: Role): boolean => CAN_PROMPT.includes(role);
+export const canApprove = (role: Role): boolean => CAN_APPROVE.includes(role);
+export const canConfigure = canApprove;
+export const canRelease = (role: Role): boolean => role === "supervisor";

@@ -1,0 +1,121 @@
+/**
+ * All that the page knows, in one place. Only `acp/` and `api/` actions write to it; components read.
+ * A conversation that is being replayed stays in `drafts` until it is complete, so that the screen never flashes empty.
+ */
+import type { PermissionOption, RequestPermissionResponse, SessionInfo } from "@agentclientprotocol/sdk";
+import { create } from "zustand";
+import type { LinkState } from "../acp/link";
+import type { Stop, Telemetry } from "../acp/telemetry";
+import type { Health, Me } from "../api/http";
+import { EMPTY, type Conversation } from "./conversation";
+
+/** Somebody has to decide. Kept until it is answered, withdrawn or decided by somebody else. */
+export interface Question {
+  key: string;
+  sessionId: string;
+  toolCallId: string;
+  title: string;
+  asker: string | null;
+  options: PermissionOption[];
+  /** Milliseconds of this machine's clock; null when there is no time limit. */
+  expiresAt: number | null;
+  /** How long it was open to answers in all, in s. */
+  timeoutS: number | null;
+  answer: (response: RequestPermissionResponse) => void;
+}
+
+export interface Toast {
+  id: number;
+  tone: "info" | "danger";
+  text: string;
+}
+
+export type Auth =
+  | { status: "checking" }
+  | { status: "out"; problem: "none" | "invalid" | "expired" | "unreachable" }
+  | { status: "in"; me: Me };
+
+export interface State {
+  auth: Auth;
+  link: LinkState;
+  /** Null until the first answer. `reachable` is false while nothing answers over HTTP. */
+  health: Health | null;
+  reachable: boolean;
+  latencyMs: number | null;
+  /** Server clock minus this machine's, in ms. */
+  clockOffsetMs: number;
+  canDelete: boolean;
+
+  sessions: SessionInfo[];
+  /** Where the next page of sessions begins; null when all are here. */
+  moreSessions: string | null;
+  sessionsKnown: boolean;
+
+  currentId: string | null;
+  /** True from choosing a session until it can be used. */
+  opening: boolean;
+  conversations: Record<string, Conversation>;
+  drafts: Record<string, Conversation>;
+  /** Sessions whose updates this connection receives. */
+  attached: ReadonlySet<string>;
+
+  questions: Question[];
+  telemetry: Telemetry | null;
+  /** What Stop and Release answered over HTTP, until telemetry knows better. */
+  stop: Stop | null;
+  stopBusy: boolean;
+  /** Why Stop did not get through; shown loudly. */
+  stopError: string | null;
+  toasts: Toast[];
+}
+
+export const INITIAL: State = {
+  auth: { status: "checking" },
+  link: { status: "off" },
+  health: null,
+  reachable: true,
+  latencyMs: null,
+  clockOffsetMs: 0,
+  canDelete: false,
+  sessions: [],
+  moreSessions: null,
+  sessionsKnown: false,
+  currentId: null,
+  opening: false,
+  conversations: {},
+  drafts: {},
+  attached: new Set(),
+  questions: [],
+  telemetry: null,
+  stop: null,
+  stopBusy: false,
+  stopError: null,
+  toasts: [],
+};
+
+export const useStore = create<State>(() => INITIAL);
+
+export const { getState, setState } = useStore;
+
+export function useConversation(): Conversation {
+  return useStore((state) => (state.currentId === null ? EMPTY : (state.conversations[state.currentId] ?? EMPTY)));
+}
+
+export function useMe(): Me {
+  const auth = useStore((state) => state.auth);
+  if (auth.status !== "in") throw new Error("nobody is logged in");
+  return auth.me;
+}
+
+/** The robot's name, from whoever knows it. */
+export function robotName(state: State): string {
+  if (state.auth.status === "in" && state.auth.me.robot !== "") return state.auth.me.robot;
+  return state.telemetry?.robot ?? state.health?.robotName ?? "Robot";
+}
+
+let toasts = 0;
+
+export function toast(tone: Toast["tone"], text: string): void {
+  const id = ++toasts;
+  setState((state) => ({ toasts: [...state.toasts.slice(-2), { id, tone, text }] }));
+}
