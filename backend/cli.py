@@ -69,6 +69,7 @@ def _parser() -> argparse.ArgumentParser:
     chat.add_argument("address", nargs="?", help="tcp://HOST:PORT or ws://HOST:PORT/acp (default: the local agent)")
     chat.add_argument("--session", metavar="ID", help="join this session; `last` joins the newest")
     chat.add_argument("--token", help="login token (or the variable ROBOT_ACP_TOKEN)")
+    chat.add_argument("--json", action="store_true", help="print every message of the agent as one line of JSON")
     chat.set_defaults(run=_chat)
 
     token = commands.add_parser("token", help="login tokens")
@@ -136,7 +137,7 @@ def _bridge(settings: config.Settings, _options: argparse.Namespace) -> int:
 def _chat(settings: config.Settings, options: argparse.Namespace) -> int:
     from backend.chat.app import run
 
-    return asyncio.run(run(settings, options.address, options.session, options.token))
+    return asyncio.run(run(settings, options.address, options.session, options.token, options.json))
 
 
 def _token_create(settings: config.Settings, options: argparse.Namespace) -> int:

@@ -59,8 +59,8 @@ def _check_ports(settings: Settings) -> None:
             except OSError as error:
                 variable = f"ROBOT_ACP_{name.upper()}__PORT"
                 raise ConfigError(
-                    f"The {name} cannot use {where.host}:{where.port} ({error.strerror}). Is another robot-acp running? "
-                    f"End it, or choose another port with {variable}."
+                    f"The {name} cannot use {where.host}:{where.port} ({error.strerror}). "
+                    f"Is another robot-acp running? End it, or choose another port with {variable}."
                 ) from None
 
 

@@ -32,7 +32,7 @@ async def serve(settings: Settings, *, listener: socket.socket | None = None) ->
         uvicorn.Config(
             app,
             ws=DirectWebSocket,
-            ws_max_size=settings.bridge.max_frame_bytes + 2,  # a trailing newline is tolerated
+            ws_max_size=settings.bridge.max_frame_bytes,
             ws_ping_interval=PING_SECONDS,
             ws_ping_timeout=PING_SECONDS,
             ws_per_message_deflate=False,  # costs more time than a local network needs for these sizes

@@ -226,9 +226,8 @@ def _speaking(clause: str, quotes: list[str]) -> list[Action]:
 
 
 def _place(text: str) -> str:
-    text = re.sub(r"^(?:the|a|your|our)\s+", "", text.strip(), flags=re.I)
-    people = r"^(?:(?:everyone|everybody|people|those|the\s+people|the\s+team|them)\s+(?:in|at)\s+)(?:the\s+)?"
-    return re.sub(people, "", text, flags=re.I)
+    people = r"^(?:(?:everyone|everybody|people|those|the\s+people|the\s+team|them)\s+(?:in|at)\s+)"
+    return re.sub(people, "", text.strip(), flags=re.I)
 
 
 def _sentence(text: str, quotes: list[str]) -> str:

@@ -8,6 +8,8 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
+_ARTICLE = re.compile(r"^(?:the|a|your|our)\s+", re.I)
+
 
 @dataclass(frozen=True)
 class Node:
@@ -43,6 +45,7 @@ def _node(entry: Any) -> Node | None:
 
 def find(wanted: str, nodes: list[Node]) -> list[Node]:
     """The nodes that `wanted` can mean: one when it is clear, several when it is not, none when unknown."""
+    wanted = _ARTICLE.sub("", wanted.strip())
     key = _key(wanted)
     exact = [n for n in nodes if key in (_key(n.name), _key(n.id))]
     if exact:
@@ -55,6 +58,7 @@ def find(wanted: str, nodes: list[Node]) -> list[Node]:
 
 def unknown(wanted: str, nodes: list[Node]) -> str:
     """The sentence for a place that does not exist, the most similar names first."""
+    wanted = _ARTICLE.sub("", wanted.strip())
     names = [n.name for n in nodes]
     ranked = sorted(names, key=lambda n: -difflib.SequenceMatcher(None, _key(wanted), _key(n)).ratio())
     return f"No place called {wanted}. Known places: {', '.join(ranked)}."

@@ -113,7 +113,7 @@ def outcome(action: Action, result: str, failed: bool) -> str:
         case GoTo() | GoToPoint() | GoBack() if data.get("reached") is False:
             return f"The path is {data.get('path_length', 0):.1f} m long. I did not move."
         case GoTo(place):
-            return f"I am at {data.get('place') or place}."
+            return f"I am at {place}."
         case GoToPoint(x, y):
             return f"I am at x {x:g} m, y {y:g} m."
         case GoBack():

@@ -76,9 +76,11 @@ class Toolbox:
         """The parameter of this JSON type that must be given, else the first one of that type."""
         schema = function["parameters"]
         known = schema.get("properties", {})
-        fitting = [n for n, p in known.items() if p.get("type") in (kind, "integer" if kind == "number" else kind)]
+        fitting: list[str] = [
+            n for n, p in known.items() if p.get("type") in (kind, "integer" if kind == "number" else kind)
+        ]
         required = [n for n in fitting if n in schema.get("required", [])]
-        return (required or fitting or [None])[0]
+        return next(iter(required or fitting), None)
 
     def _with(self, pattern: str, kind: str, value: object) -> tuple[str, dict[str, Any]] | None:
         for function in self._named(pattern):

@@ -5,7 +5,8 @@ const LAST = "robot-acp/last-session";
 /** The login token of `#token=…`; it is removed from the address bar and from the history. */
 export function takeToken(): string | null {
   const token = new URLSearchParams(window.location.hash.slice(1)).get("token");
-  if (token !== null) window.history.replaceState(null, "", window.location.pathname + window.location.search);
+  if (token !== null)
+    window.history.replaceState(null, "", window.location.pathname + window.location.search);
   return token;
 }
 

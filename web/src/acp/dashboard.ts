@@ -132,7 +132,10 @@ async function check(): Promise<void> {
     }));
     setState({ health: await http.health() });
   } catch (error) {
-    if (error instanceof http.HttpError && error.status === 401) return loginEnded();
+    if (error instanceof http.HttpError && error.status === 401) {
+      loginEnded();
+      return;
+    }
     if (error instanceof http.HttpError && error.status !== 0) return;
     setState({ reachable: false, latencyMs: null });
     if (++unanswered >= 2) link?.drop();

@@ -139,7 +139,10 @@ export async function openSession(sessionId: string): Promise<boolean> {
 }
 
 function forgetDraft(sessionId: string): void {
-  setState(({ drafts: { [sessionId]: _, ...drafts } }) => ({ drafts }));
+  setState((state) => {
+    const { [sessionId]: _, ...drafts } = state.drafts;
+    return { drafts };
+  });
 }
 
 /** Begins a session, or stays in the current one while nothing has happened in it. */
@@ -219,11 +222,17 @@ export async function choose(setting: Setting, value: string): Promise<void> {
     if (setting.configId === null) {
       await agent.request(methods.agent.session.setMode, { sessionId, modeId: value });
       change(sessionId, (conversation) =>
-        conversation.modes ? { ...conversation, modes: { ...conversation.modes, current: value } } : conversation,
+        conversation.modes
+          ? { ...conversation, modes: { ...conversation.modes, current: value } }
+          : conversation,
       );
     } else {
       const { configId } = setting;
-      const answer = await agent.request(methods.agent.session.setConfigOption, { sessionId, configId, value });
+      const answer = await agent.request(methods.agent.session.setConfigOption, {
+        sessionId,
+        configId,
+        value,
+      });
       change(sessionId, (conversation) => ({ ...conversation, options: answer.configOptions }));
     }
   } catch (error) {

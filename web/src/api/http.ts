@@ -98,12 +98,19 @@ export async function whoAmI(): Promise<WhoAmI> {
 export async function health(): Promise<Health> {
   const { body } = await call("GET", "/api/health");
   if (!isRecord(body)) throw new HttpError(0, "");
-  return { agent: parsePart(body["agent"]), robot: parsePart(body["robot"]), robotName: asString(body["robot_name"]) };
+  return {
+    agent: parsePart(body["agent"]),
+    robot: parsePart(body["robot"]),
+    robotName: asString(body["robot_name"]),
+  };
 }
 
 function parsePart(value: unknown): Part {
   if (!isRecord(value)) return { up: false, detail: "" };
-  return { up: value["up"] === true, detail: asString(value["detail"]) ?? String(asNumber(value["detail"]) ?? "") };
+  return {
+    up: value["up"] === true,
+    detail: asString(value["detail"]) ?? String(asNumber(value["detail"]) ?? ""),
+  };
 }
 
 export async function stopRobot(): Promise<Stop | null> {

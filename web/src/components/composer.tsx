@@ -30,7 +30,13 @@ export function Composer() {
   const reason = useReason();
   const online = useStore((state) => state.link.status === "online");
   const field = useRef<HTMLTextAreaElement>(null);
-  useGrowing(field, text);
+  // As high as its text, up to what the style sheet allows.
+  useLayoutEffect(() => {
+    const area = field.current;
+    if (area === null) return;
+    area.style.height = "auto";
+    area.style.height = `${area.scrollHeight}px`;
+  }, [text]);
 
   const send = (): void => {
     if (reason !== null || text.trim() === "") return;
@@ -95,14 +101,4 @@ export function Composer() {
       </p>
     </form>
   );
-}
-
-/** As high as its text, up to what the style sheet allows. */
-function useGrowing(field: React.RefObject<HTMLTextAreaElement | null>, text: string): void {
-  useLayoutEffect(() => {
-    const area = field.current;
-    if (area === null) return;
-    area.style.height = "auto";
-    area.style.height = `${area.scrollHeight}px`;
-  }, [field, text]);
 }

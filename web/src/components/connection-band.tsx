@@ -10,7 +10,9 @@ export function ConnectionBand() {
   const link = useStore((state) => state.link);
   const reachable = useStore((state) => state.reachable);
   const agentUp = useStore((state) => state.health?.agent.up ?? true);
-  const robotDown = useStore((state) => state.health?.robot.up === false || state.telemetry?.online === false);
+  const robotDown = useStore(
+    (state) => state.health?.robot.up === false || state.telemetry?.online === false,
+  );
   const robot = useStore(robotName);
 
   if (link.status === "waiting" || (link.status === "connecting" && !link.first)) {

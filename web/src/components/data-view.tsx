@@ -28,7 +28,8 @@ function useText(): (value: unknown) => string {
 
 /** Whether all of it fits on one line of text. */
 function isSmall(value: unknown): boolean {
-  if (isRecord(value)) return Object.values(value).every((inner) => !isRecord(inner) && !Array.isArray(inner));
+  if (isRecord(value))
+    return Object.values(value).every((inner) => !isRecord(inner) && !Array.isArray(inner));
   return !Array.isArray(value) || value.every((inner) => !isRecord(inner) && !Array.isArray(inner));
 }
 

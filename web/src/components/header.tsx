@@ -19,8 +19,8 @@ import type { ReactNode } from "react";
 import { useTranslation } from "react-i18next";
 import { logOut } from "../acp/dashboard";
 import type { Layout } from "../hooks/use-media";
+import { useRobotState } from "../hooks/use-robot-state";
 import { fixed, percent, speed } from "../i18n/format";
-import { robotState } from "../state/robot";
 import { robotName, useMe, useStore } from "../state/store";
 import { Mark } from "./mark";
 import { SettingSelects } from "./setting-select";
@@ -66,9 +66,7 @@ export function Header({
 function RobotState() {
   const { t } = useTranslation();
   const name = useStore(robotName);
-  const kind = useStore((state) =>
-    robotState(state.telemetry, state.link, state.health, state.stop?.by ?? null),
-  );
+  const kind = useRobotState();
   const words =
     kind.kind === "driving" && kind.place !== null
       ? t("state.drivingTo", { place: kind.place })
@@ -197,7 +195,7 @@ function MeMenu() {
       >
         <CircleUserRound aria-hidden />
         <span className="me-name">{me.name}</span>
-        <span className="muted"> · {t(`role.${me.role}`)}</span>
+        {me.name !== me.role && <span className="muted"> · {t(`role.${me.role}`)}</span>}
       </DropdownMenu.Trigger>
       <DropdownMenu.Portal>
         <DropdownMenu.Content className="menu" align="end" sideOffset={4} collisionPadding={8}>
@@ -232,7 +230,8 @@ function SettingsDialog() {
           <p className="me-line">
             <CircleUserRound aria-hidden />
             <span>
-              <strong>{me.name}</strong> · {t(`role.${me.role}`)}
+              <strong>{me.name}</strong>
+              {me.name !== me.role && ` · ${t(`role.${me.role}`)}`}
             </span>
           </p>
           <div className="dialog-actions">

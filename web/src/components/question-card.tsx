@@ -135,7 +135,13 @@ export function QuestionCard({ question, count }: { question: Question; count: n
           </div>
         )}
         <div className="question-buttons">
-          <button type="button" className="button" id={DONT_ID} data-testid="permission-reject" onClick={refuse}>
+          <button
+            type="button"
+            className="button"
+            id={DONT_ID}
+            data-testid="permission-reject"
+            onClick={refuse}
+          >
             {t("question.dont")}
           </button>
           <button

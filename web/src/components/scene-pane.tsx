@@ -3,7 +3,7 @@ import { MapPinOff } from "lucide-react";
 import { useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { degrees, fixed, metres, percent, seconds, speed } from "../i18n/format";
-import { robotState } from "../state/robot";
+import { useRobotState } from "../hooks/use-robot-state";
 import { robotName, useStore } from "../state/store";
 
 const SCENE = "/scene/";
@@ -81,12 +81,12 @@ function StatusList() {
           <span className="muted">{t("scene.noGoal")}</span>
         ) : (
           <>
-            {motion.place ??
-              (motion.goal && `${fixed(motion.goal.x, 1)}, ${fixed(motion.goal.y, 1)} m`)}
+            {motion.place ?? (motion.goal && `${fixed(motion.goal.x, 1)}, ${fixed(motion.goal.y, 1)} m`)}
             {motion.distance !== null && motion.seconds !== null && (
               <span className="muted">
                 {" "}
-                · {t("scene.goalLeft", { distance: metres(motion.distance), seconds: seconds(motion.seconds) })}
+                ·{" "}
+                {t("scene.goalLeft", { distance: metres(motion.distance), seconds: seconds(motion.seconds) })}
               </span>
             )}
           </>
@@ -98,7 +98,7 @@ function StatusList() {
       <Row name={t("scene.speed")}>{linear === null ? t("status.unknown") : speed(linear)}</Row>
       <Row name={t("scene.battery")}>
         {battery === null ? t("status.unknown") : percent(battery)}
-        {charging && <span className="muted"> · {t("status.batteryCharging")}</span>}
+        {charging && <span className="muted"> · {t("scene.charging")}</span>}
       </Row>
     </dl>
   );
@@ -115,7 +115,7 @@ function Row({ name, wide, children }: { name: string; wide?: boolean; children:
 
 function Doing() {
   const { t } = useTranslation();
-  const state = useStore((all) => robotState(all.telemetry, all.link, all.health, all.stop?.by ?? null));
+  const state = useRobotState();
   const speaking = useStore((all) => all.telemetry?.speaking ?? null);
   if (speaking !== null) return t("scene.saying", { text: speaking });
   if (state.kind === "ready") return t("scene.standing");

@@ -59,7 +59,13 @@ function SessionList({ onChosen }: { onChosen: () => void }) {
     <>
       <div className="sessions-top">
         {canPrompt(me.role) && (
-          <button type="button" className="button wide" data-testid="new-session" disabled={!online} onClick={begin}>
+          <button
+            type="button"
+            className="button wide"
+            data-testid="new-session"
+            disabled={!online}
+            onClick={begin}
+          >
             <Plus aria-hidden /> {t("sessions.new")}
           </button>
         )}

@@ -18,7 +18,9 @@ export function SettingSelects() {
   return (
     <>
       {mode && <SettingSelect testId="mode" label={t("settings.mode")} setting={mode} disabled={disabled} />}
-      {model && <SettingSelect testId="model" label={t("settings.model")} setting={model} disabled={disabled} />}
+      {model && (
+        <SettingSelect testId="model" label={t("settings.model")} setting={model} disabled={disabled} />
+      )}
     </>
   );
 }
@@ -56,7 +58,9 @@ function SettingSelect(props: { testId: string; label: string; setting: Setting;
                 </Select.ItemIndicator>
                 <span>
                   <Select.ItemText>{choice.name}</Select.ItemText>
-                  {choice.description !== null && <span className="select-description">{choice.description}</span>}
+                  {choice.description !== null && (
+                    <span className="select-description">{choice.description}</span>
+                  )}
                 </span>
               </Select.Item>
             ))}

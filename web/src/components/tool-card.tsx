@@ -1,7 +1,7 @@
 /** One thing that the robot does: what, how far it is, what came of it, and who decided. */
 import {
   Ban,
-  ChevronRight,
+  ChevronDown,
   CircleAlert,
   CircleCheck,
   CircleDashed,
@@ -34,30 +34,45 @@ const ICONS: Record<Outcome, typeof Ban> = {
 export function ToolCard({ item }: { item: ToolItem }) {
   const { t } = useTranslation();
   const asking = useStore((state) =>
-    state.questions.some((question) => question.toolCallId === item.id && question.sessionId === state.currentId),
+    state.questions.some(
+      (question) => question.toolCallId === item.id && question.sessionId === state.currentId,
+    ),
   );
   const outcome = outcomeOf(item, asking);
   const summary = summaryOf(item, outcome);
   const Icon = ICONS[outcome];
   return (
-    <article
-      className="card tool"
-      data-testid="tool-card"
-      data-status={item.status}
-      data-outcome={outcome}
-      aria-label={item.title}
-    >
-      <div className="tool-head">
-        <Icon aria-hidden className="tool-icon" />
-        <span className="tool-title">{item.title}</span>
-        <span className="tool-word">{t(`tool.${outcome}`)}</span>
-      </div>
-      {item.progress !== null && item.status === "in_progress" && <Progress item={item} />}
-      {summary !== "" && <p className="tool-summary">{summary}</p>}
-      <Media item={item} />
-      {item.decision !== null && <DecisionLine decision={item.decision} />}
-      <Details item={item} />
-    </article>
+    <Collapsible.Root asChild>
+      <article
+        className="card tool"
+        data-testid="tool-card"
+        data-status={item.status}
+        data-outcome={outcome}
+        aria-label={item.title}
+      >
+        <div className="tool-head">
+          <Icon aria-hidden className="tool-icon" />
+          <span className="tool-title">{item.title}</span>
+          <span className="tool-word">{t(`tool.${outcome}`)}</span>
+          {hasDetails(item) && (
+            <Collapsible.Trigger
+              className="icon-button tool-more"
+              aria-label={t("tool.details")}
+              title={t("tool.details")}
+            >
+              <ChevronDown aria-hidden />
+            </Collapsible.Trigger>
+          )}
+        </div>
+        {item.progress !== null && item.status === "in_progress" && <Progress item={item} />}
+        {summary !== "" && <p className="tool-summary">{summary}</p>}
+        <Media item={item} />
+        {item.decision !== null && <DecisionLine decision={item.decision} />}
+        <Collapsible.Content className="details-text">
+          <Details item={item} />
+        </Collapsible.Content>
+      </article>
+    </Collapsible.Root>
   );
 }
 
@@ -120,30 +135,33 @@ function DecisionLine({ decision }: { decision: Decision }) {
   );
 }
 
+function inputOf(item: ToolItem): unknown {
+  const empty = isRecord(item.input) && Object.keys(item.input).length === 0;
+  return empty ? null : (item.input ?? null);
+}
+
+function hasDetails(item: ToolItem): boolean {
+  return inputOf(item) !== null || (item.output ?? null) !== null;
+}
+
 function Details({ item }: { item: ToolItem }) {
   const { t } = useTranslation();
-  const input = isRecord(item.input) && Object.keys(item.input).length === 0 ? null : item.input;
+  const input = inputOf(item);
   const output = item.output ?? null;
-  if ((input ?? null) === null && output === null) return null;
   return (
-    <Collapsible.Root className="details">
-      <Collapsible.Trigger className="details-head">
-        <ChevronRight aria-hidden className="turner" /> {t("tool.details")}
-      </Collapsible.Trigger>
-      <Collapsible.Content className="details-text">
-        {(input ?? null) !== null && (
-          <section>
-            <h3>{t("tool.asked")}</h3>
-            <DataView value={input} />
-          </section>
-        )}
-        {output !== null && (
-          <section>
-            <h3>{t("tool.result")}</h3>
-            <DataView value={output} />
-          </section>
-        )}
-      </Collapsible.Content>
-    </Collapsible.Root>
+    <>
+      {input !== null && (
+        <section>
+          <h3>{t("tool.asked")}</h3>
+          <DataView value={input} />
+        </section>
+      )}
+      {output !== null && (
+        <section>
+          <h3>{t("tool.result")}</h3>
+          <DataView value={output} />
+        </section>
+      )}
+    </>
   );
 }

@@ -11,8 +11,10 @@ export const en = {
     none: "You need a link to get in. Ask for one, or run ./run.sh and open the address that it prints.",
     invalid:
       "This link is not valid any more. Ask for a new one, or run ./run.sh again and open the address that it prints.",
-    expired: "Your login has ended. Ask for a new link, or run ./run.sh again and open the address that it prints.",
-    unreachable: "Nothing answers here. See that the robot's server runs (./run.sh starts it), then try again.",
+    expired:
+      "Your login has ended. Ask for a new link, or run ./run.sh again and open the address that it prints.",
+    unreachable:
+      "Nothing answers here. See that the robot's server runs (./run.sh starts it), then try again.",
     field: "Link or token",
     hint: "Paste the whole link, or the token in it.",
     open: "Open",
@@ -78,7 +80,8 @@ export const en = {
     again_other: "Trying again in {{count}} s.",
     now: "Trying again …",
     tryNow: "Try now",
-    robot: "{{robot}} cannot be reached: the robot server does not answer. It is asked again every few seconds.",
+    robot:
+      "{{robot}} cannot be reached: the robot server does not answer. It is asked again every few seconds.",
   },
   sessions: {
     title: "Sessions",
@@ -223,6 +226,7 @@ export const en = {
     noGoal: "none",
     saying: "“{{text}}”",
     standing: "standing still",
+    charging: "charging",
     noData: "No data from {{robot}} at the moment.",
   },
   tabs: { label: "Views", talk: "Talk", map: "Map", sessions: "Sessions", question: "a question waits" },

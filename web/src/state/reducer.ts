@@ -52,7 +52,7 @@ function apply(state: Conversation, update: SessionUpdate): Conversation {
 
 function add<T extends Item>(state: Conversation, item: Fresh<T>): Conversation {
   const made = state.made + 1;
-  return { ...state, made, items: [...state.items, { ...item, key: `i${made}` } as Item] };
+  return { ...state, made, items: [...state.items, { ...item, key: `i${made}` }] };
 }
 
 function replaceLast(state: Conversation, item: Item): Conversation {
@@ -210,10 +210,7 @@ export function opened(state: Conversation, answer: NewSessionResponse | LoadSes
   const modes = answer.modes;
   return {
     ...state,
-    turn:
-      turn?.state === "running"
-        ? { id: turn.id, cancelling: state.turn?.cancelling ?? false }
-        : null,
+    turn: turn?.state === "running" ? { id: turn.id, cancelling: state.turn?.cancelling ?? false } : null,
     modes: modes ? { current: modes.currentModeId, available: modes.availableModes } : state.modes,
     options: answer.configOptions ?? state.options,
   };

@@ -18,7 +18,8 @@ export interface Setting {
 
 function setting(conversation: Conversation, category: "mode" | "model"): Setting | null {
   const option = conversation.options.find(
-    (candidate) => candidate.type === "select" && (candidate.category === category || candidate.id === category),
+    (candidate) =>
+      candidate.type === "select" && (candidate.category === category || candidate.id === category),
   );
   if (option?.type !== "select") return null;
   const choices = option.options.flatMap((entry): SessionConfigSelectOption[] =>
@@ -28,7 +29,11 @@ function setting(conversation: Conversation, category: "mode" | "model"): Settin
     configId: option.id,
     name: option.name,
     current: option.currentValue,
-    choices: choices.map(({ value, name, description }) => ({ value, name, description: description ?? null })),
+    choices: choices.map(({ value, name, description }) => ({
+      value,
+      name,
+      description: description ?? null,
+    })),
   };
 }
 

@@ -98,7 +98,9 @@ export const useStore = create<State>(() => INITIAL);
 export const { getState, setState } = useStore;
 
 export function useConversation(): Conversation {
-  return useStore((state) => (state.currentId === null ? EMPTY : (state.conversations[state.currentId] ?? EMPTY)));
+  return useStore((state) =>
+    state.currentId === null ? EMPTY : (state.conversations[state.currentId] ?? EMPTY),
+  );
 }
 
 export function useMe(): Me {

@@ -1,0 +1,256 @@
+"""`robot-acp chat`: type to the robot, see what it thinks and does, answer its questions, Ctrl-C to cancel.
+
+Reads the terminal, or plain lines where stdin is none. With `--json` each event is one line of JSON, for programs.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import sys
+from collections.abc import AsyncIterator, Callable
+from typing import Any
+
+import orjson
+from prompt_toolkit import PromptSession
+from prompt_toolkit.formatted_text import FormattedText
+from prompt_toolkit.patch_stdout import patch_stdout
+from rich.console import Console
+from rich.text import Text
+
+from backend.chat.link import Link, LinkError, RefusedError, open_link
+from backend.chat.view import Line, Style, View
+from backend.config import Settings
+
+_STYLES: dict[Style, str] = {
+    "you": "bold",
+    "thought": "italic dim",
+    "robot": "",
+    "tool": "cyan",
+    "result": "green",
+    "problem": "yellow",
+    "note": "dim",
+}
+_ANSWERS = {"y": "allow_once", "n": "reject_once", "a": "allow_always", "v": "reject_always"}
+_HELP = (
+    "Type what the robot shall do. /stop stops it at once, /release lets it move again, Ctrl-C cancels, Ctrl-D leaves."
+)
+
+
+async def run(
+    settings: Settings, address: str | None, session: str | None, token: str | None, as_json: bool = False
+) -> int:
+    """Chat until the end of input, or until the connection is lost; the exit status is 1 then."""
+    where = address or f"tcp://{settings.agent.host}:{settings.agent.port}"
+    chat = Chat(as_json)
+    try:
+        await chat.connect(where, token or os.environ.get("ROBOT_ACP_TOKEN"), session)
+        return await chat.talk()
+    except (LinkError, RefusedError) as error:
+        print(f"robot-acp: {error}", file=sys.stderr)
+        return 1
+    finally:
+        await chat.close()
+
+
+class Chat:
+    """One terminal at one session."""
+
+    def __init__(self, as_json: bool) -> None:
+        self._as_json = as_json
+        self._view = View()
+        self._link: Link | None = None
+        self._session = ""
+        self._questions: dict[Any, dict[str, Any]] = {}
+        self._turn: asyncio.Task[None] | None = None
+        self._free = asyncio.Event()
+        """Set while a line of input has a meaning: between turns, and while a question is open."""
+        self._free.set()
+        self._replies: set[asyncio.Task[None]] = set()
+        self._redraw: Callable[[], None] = lambda: None
+
+    async def connect(self, address: str, token: str | None, session: str | None) -> None:
+        """Connect and open a session: a new one, the one of this id, or the newest for `last`."""
+        self._link = await open_link(address, token, self._take)
+        about = {
+            "protocolVersion": 1,
+            "clientCapabilities": {},
+            "clientInfo": {"name": "robot-acp chat", "version": "1"},
+        }
+        hello = await self._link.request("initialize", about)
+        mine = hello.get("agentCapabilities", {}).get("_meta", {}).get("robot-acp", {})
+        self._view.robot = mine.get("robot", "The robot")
+        if session == "last":
+            listed = (await self._link.request("session/list", {}))["sessions"]
+            session = listed[0]["sessionId"] if listed else None
+        if session is None:
+            self._session = (await self._link.request("session/new", {"cwd": "/", "mcpServers": []}))["sessionId"]
+        else:
+            self._session = session
+            await self._link.request("session/load", {"sessionId": session, "cwd": "/", "mcpServers": []})
+        self._show(
+            [Line("note", f"{self._view.robot} is listening. {_HELP}"), Line("note", f"Session {self._session}")]
+        )
+
+    async def talk(self) -> int:
+        """Read and do until the input ends."""
+        assert self._link is not None  # noqa: S101 - `connect` comes first
+        lines = asyncio.create_task(self._read_all())
+        waiting: list[asyncio.Future[Any]] = [lines, self._link.closed]
+        await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
+        if self._link.closed.done():
+            lines.cancel()
+            await asyncio.gather(lines, return_exceptions=True)
+            print(f"robot-acp: {self._link.closed.result()}", file=sys.stderr)
+            return 1
+        lines.result()
+        return 0
+
+    async def close(self) -> None:
+        """Disconnect."""
+        if self._link is not None:
+            await self._link.close()
+        for task in [*self._replies, *([self._turn] if self._turn else [])]:
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
+
+    # From the agent
+
+    def _take(self, message: dict[str, Any]) -> None:
+        method, params = message["method"], message.get("params") or {}
+        if self._as_json:
+            print(orjson.dumps(message).decode(), flush=True)
+        if method == "session/update" and params.get("sessionId") == self._session:
+            self._show(self._view.take(params["update"]))
+        elif method == "session/update" and not self._session:
+            self._show(self._view.take(params["update"]))  # the replay of a session that is being opened
+        elif method == "session/request_permission":
+            self._questions[message["id"]] = params
+            self._free.set()
+            self._show([*self._view.flush(), Line("problem", self._question_text(params))])
+        elif method == "$/cancel_request":
+            if self._questions.pop(params.get("requestId"), None):
+                self._show([Line("note", "This question has been settled.")])
+        elif "id" in message and self._link is not None:
+            self._later(self._link.refuse(message["id"]))
+        self._redraw()
+
+    def _question_text(self, params: dict[str, Any]) -> str:
+        seconds = (params.get("_meta") or {}).get("robot-acp/timeout_s")
+        limit = f" ({seconds:.0f} s to answer)" if seconds else ""
+        title = params["toolCall"].get("title", "act")
+        return (
+            f"{self._view.robot} asks: {title}{limit}\n  y allow · n don't · a always in this session · v never in it"
+        )
+
+    # From the person
+
+    async def _read_all(self) -> None:
+        async for line in self._terminal() if sys.stdin.isatty() else self._plain_lines():
+            if not await self._obey(line.strip()):
+                return
+        if self._turn is not None:
+            await self._turn  # the input has ended; what was asked for is still done
+
+    async def _obey(self, line: str) -> bool:
+        """Do what a line says; false to leave."""
+        if line in ("/quit", "/exit"):
+            return False
+        if not line:
+            return True
+        if self._questions:
+            await self._answer(line)
+        elif line in ("/stop", "/release"):
+            self._later(self._command(f"_robot{line}"))
+        elif line in ("/cancel", "/help"):
+            await self._interrupt() if line == "/cancel" else self._show([Line("note", _HELP)])
+        elif self._turn is not None and not self._turn.done():
+            self._show([Line("note", "The robot is still busy. Ctrl-C cancels.")])
+        else:
+            self._free.clear()
+            self._turn = asyncio.create_task(self._prompt(line))
+        return True
+
+    async def _answer(self, line: str) -> None:
+        option = _ANSWERS.get(line[:1].lower() if line.lower() in (*_ANSWERS, "yes", "no") else "")
+        if option is None:
+            self._show([Line("problem", "Answer the question first: y, n, a or v.")])
+            return
+        request_id = next(iter(self._questions))
+        del self._questions[request_id]
+        if self._turn is not None and not self._turn.done() and not self._questions:
+            self._free.clear()
+        assert self._link is not None  # noqa: S101
+        await self._link.respond(request_id, {"outcome": {"outcome": "selected", "optionId": option}})
+
+    async def _prompt(self, text: str) -> None:
+        assert self._link is not None  # noqa: S101
+        prompt = {"sessionId": self._session, "prompt": [{"type": "text", "text": text}]}
+        try:
+            answer = await self._link.request("session/prompt", prompt)
+            if self._as_json:
+                print(orjson.dumps({"stopReason": answer["stopReason"]}).decode(), flush=True)
+        except RefusedError as error:
+            self._show([Line("problem", str(error))])
+        except LinkError:
+            pass  # `talk` tells it
+        finally:
+            self._free.set()
+            self._show(self._view.flush())
+
+    async def _command(self, method: str) -> None:
+        assert self._link is not None  # noqa: S101
+        try:
+            answer = await self._link.request(method, {})
+            stopped = answer.get("stopped")
+            self._show([Line("problem", f"Stopped by {stopped['by']}.") if stopped else Line("note", "Released.")])
+        except (RefusedError, LinkError) as error:
+            self._show([Line("problem", str(error))])
+
+    async def _interrupt(self) -> None:
+        assert self._link is not None  # noqa: S101
+        if self._view.status or (self._turn is not None and not self._turn.done()):
+            self._show([Line("note", "Stopping …")])
+            await self._link.notify("session/cancel", {"sessionId": self._session})
+        else:
+            self._show([Line("note", "Nothing runs. Ctrl-D leaves.")])
+
+    def _later(self, work: Any) -> None:
+        task = asyncio.ensure_future(work)
+        self._replies.add(task)
+        task.add_done_callback(self._replies.discard)
+
+    # The terminal
+
+    async def _terminal(self) -> AsyncIterator[str]:
+        prompt: PromptSession[str] = PromptSession(bottom_toolbar=self._toolbar, erase_when_done=True)
+        self._redraw = prompt.app.invalidate
+        with patch_stdout(raw=True):
+            while True:
+                try:
+                    line = await prompt.prompt_async(lambda: "allow? " if self._questions else "> ")
+                except KeyboardInterrupt:
+                    await self._interrupt()
+                    continue
+                except EOFError:
+                    return
+                if line.strip() and not self._questions:
+                    self._show([Line("you", f"> {line}")])
+                yield line
+
+    def _toolbar(self) -> FormattedText:
+        return FormattedText([("", f" {self._view.status or 'ready'}"[:200])])
+
+    def _show(self, lines: list[Line]) -> None:
+        if self._as_json or not lines:
+            return
+        # A console for each time: under `patch_stdout` the stream is another one.
+        console = Console(file=sys.stdout, highlight=False, soft_wrap=True, force_terminal=sys.stdin.isatty() or None)
+        for line in lines:
+            console.print(Text(line.text, style=_STYLES[line.style]))
+
+    async def _plain_lines(self) -> AsyncIterator[str]:
+        """Lines of a pipe: each is read when the one before has been done."""
+        while line := await asyncio.to_thread(sys.stdin.readline):
+            yield line
+            await self._free.wait()

@@ -1,0 +1,110 @@
+"""What the terminal shows of a session: updates in, lines of text out. No terminal, no socket, no clock.
+
+Sentences for people, in the order of the events. Text that streams in is held back to the end of its paragraph, and
+can be seen meanwhile in `status`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+Style = Literal["you", "thought", "robot", "tool", "result", "problem", "note"]
+
+_MARKS = {"pending": "○", "in_progress": "◌", "completed": "✓", "failed": "✗"}
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line for people, and what kind it is."""
+
+    style: Style
+    text: str
+
+
+@dataclass
+class View:
+    """Follows one session."""
+
+    robot: str = "The robot"
+    status: str = ""
+    """What happens at this moment, in a few words; empty between turns."""
+    title: str | None = None
+    _streaming: Style | None = None
+    _buffer: str = ""
+    _titles: dict[str, str] = field(default_factory=dict)
+
+    def take(self, update: dict[str, Any]) -> list[Line]:
+        """The lines that an update adds."""
+        kind = update.get("sessionUpdate", "")
+        if kind == "agent_message_chunk":
+            return self._stream("robot", update["content"])
+        if kind == "agent_thought_chunk":
+            return self._stream("thought", update["content"])
+        meta = update.get("_meta") or {}
+        if kind == "tool_call_update" and "status" not in update:
+            self.status = _text(update) or self.status
+            return []
+        lines = self.flush()
+        if kind == "user_message_chunk":
+            lines.append(
+                Line("you", f"{meta.get('robot-acp/by', 'you')}: {update['content'].get('text', '[attachment]')}")
+            )
+        elif kind == "plan":
+            lines += [Line("note", f"{_MARKS[e['status']]} {e['content']}") for e in update["entries"]]
+        elif kind == "tool_call":
+            self._titles[update["toolCallId"]] = update["title"]
+            self.status = update["title"]
+        elif kind == "tool_call_update":
+            lines += self._tool_status(update, meta)
+        elif kind == "current_mode_update":
+            lines.append(Line("note", f"The mode is now {update['currentModeId']}."))
+        elif kind == "session_info_update":
+            self.title = update.get("title") or self.title
+            lines += self._turn_end(meta.get("robot-acp/turn") or {})
+        return lines
+
+    def flush(self) -> list[Line]:
+        """The text that has streamed in so far, as lines."""
+        style, text = self._streaming, self._buffer.strip()
+        self._streaming, self._buffer = None, ""
+        return [Line(style, line) for line in text.splitlines()] if style and text else []
+
+    def _stream(self, style: Style, content: dict[str, Any]) -> list[Line]:
+        lines = self.flush() if self._streaming not in (None, style) else []
+        self._streaming = style
+        *paragraphs, self._buffer = (self._buffer + content.get("text", "")).split("\n")
+        self.status = self._buffer[-200:]
+        return lines + [Line(style, paragraph) for paragraph in paragraphs]
+
+    def _tool_status(self, update: dict[str, Any], meta: dict[str, Any]) -> list[Line]:
+        title = self._titles.get(update["toolCallId"], "Tool")
+        decision = meta.get("robot-acp/decision") or {}
+        allowed = str(decision.get("option") or "").startswith("allow_")
+        lines = [Line("note", f"Allowed by {decision['by']}.")] if allowed and decision.get("by") else []
+        if update["status"] in ("completed", "failed"):
+            why = f": {_text(update)}" if update["status"] == "failed" and _text(update) else ""
+            extras = "".join(f" [{kind}]" for kind in _kinds(update) if kind in ("image", "audio"))
+            style: Style = "result" if update["status"] == "completed" else "problem"
+            lines.append(Line(style, f"{_MARKS[update['status']]} {title}{extras}{why}"))
+        elif not lines:
+            lines.append(Line("tool", f"{_MARKS[update['status']]} {title} …"))
+        return lines
+
+    def _turn_end(self, turn: dict[str, Any]) -> list[Line]:
+        if turn.get("state") != "ended":
+            return []
+        self.status = ""
+        return [Line("note", f"Cancelled. {self.robot} has stopped.")] if turn.get("stopReason") == "cancelled" else []
+
+
+def _blocks(update: dict[str, Any]) -> list[dict[str, Any]]:
+    return [c["content"] for c in update.get("content") or [] if c.get("type") == "content"]
+
+
+def _text(update: dict[str, Any]) -> str:
+    return " ".join(b["text"] for b in _blocks(update) if b.get("type") == "text")
+
+
+def _kinds(update: dict[str, Any]) -> list[str]:
+    return [b.get("type", "") for b in _blocks(update)]

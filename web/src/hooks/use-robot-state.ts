@@ -1,0 +1,10 @@
+/** What the robot is doing, for components: drawn anew only when that changes. */
+import { useShallow } from "zustand/react/shallow";
+import { robotState, type RobotState } from "../state/robot";
+import { useStore } from "../state/store";
+
+export function useRobotState(): RobotState {
+  return useStore(
+    useShallow((state) => robotState(state.telemetry, state.link, state.health, state.stop?.by ?? null)),
+  );
+}
