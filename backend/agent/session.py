@@ -55,6 +55,8 @@ class Session:
         """Tool name -> allowed, for answers that count for the rest of the session."""
         self.turn_id: str | None = None
         """The running turn; None between turns."""
+        self.turn_by: str | None = None
+        """Who asked for the running turn; None between turns."""
         self._journal = journal
         self._shown = seq
         self._listeners: set[Listener] = set()
@@ -71,11 +73,6 @@ class Session:
     def watching(self) -> frozenset[Listener]:
         """The connections that are attached."""
         return frozenset(self._listeners)
-
-    @property
-    def busy(self) -> bool:
-        """Whether a turn runs or waits."""
-        return bool(self._turns)
 
     def record(self, update: Update, origin: Listener | None = None) -> None:
         """Number an update, remember it, keep it, and then show it to everyone attached but `origin`."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any
 
+import msgspec
 import orjson
 
 from backend import telemetry
@@ -47,10 +48,8 @@ class TelemetryFeed:
         self._connection.deliver(orjson.dumps(message, option=orjson.OPT_APPEND_NEWLINE))
 
     def _params(self, state: telemetry.State | None) -> dict[str, Any]:
-        turn = next(
-            ({"sessionId": s.id, "by": s.row.owner} for s in self._house.sessions.open_sessions if s.busy),
-            None,
-        )
+        running = (s for s in self._house.sessions.open_sessions if s.turn_id is not None)
+        turn = next(({"sessionId": s.id, "by": s.turn_by} for s in running), None)
         name = self._house.settings.robot.name
         if state is None:
             return {"robot": name, "online": False, "turn": turn}
@@ -58,17 +57,11 @@ class TelemetryFeed:
             "robot": state.robot,
             "online": True,
             "time": state.time,
-            "pose": _fields(state.pose),
-            "twist": _fields(state.twist),
-            "battery": _fields(state.battery),
-            "motion": _fields(state.motion),
-            "stop": _fields(state.stop),
+            "pose": msgspec.to_builtins(state.pose),
+            "twist": msgspec.to_builtins(state.twist),
+            "battery": msgspec.to_builtins(state.battery),
+            "motion": msgspec.to_builtins(state.motion),
+            "stop": msgspec.to_builtins(state.stop),
             "speaking": state.speaking,
             "turn": turn,
         }
-
-
-def _fields(value: Any) -> Any:
-    import msgspec
-
-    return msgspec.to_builtins(value)

@@ -69,7 +69,7 @@ class Turn:
     async def run(self) -> str:
         """Run to the end and return ACP's stop reason. Being cancelled is one of the ends: it returns "cancelled"
         once the robot is at rest."""
-        self.session.turn_id = self.id
+        self.session.turn_id, self.session.turn_by = self.id, self.asker
         for block in self.prompt:
             self.session.record(present.user_message(block, self.asker, self.id), self.origin)
         self._named = self._name_session()
@@ -91,7 +91,7 @@ class Turn:
             self.session.record(present.message("Something went wrong inside the agent; its log says what. Try again."))
         if self._usage:
             self.session.record(self._usage)
-        self.session.turn_id = None
+        self.session.turn_id = self.session.turn_by = None
         self.session.record(present.turn_ended(self.id, reason))
         return reason
 

@@ -8,12 +8,13 @@ import time
 import uuid
 
 from starlette.types import Receive, Scope, Send
-from starlette.websockets import WebSocket, WebSocketDisconnect
+from starlette.websockets import WebSocket
 
+from backend.bridge.closing import EXPIRED, LEFT, SERVICE_RESTART, TRY_AGAIN_LATER, End, close
 from backend.bridge.direct import DirectWebSocket
 from backend.bridge.login import Gate, Login, admit_websocket
 from backend.bridge.race import first_of
-from backend.bridge.relay import LOGIN_EXPIRED, NORMAL, SERVICE_RESTART, TRY_AGAIN_LATER, End, Relay
+from backend.bridge.relay import Relay
 from backend.bridge.upstream import Agent, AgentDownError
 
 SUBPROTOCOL = "acp.v1"
@@ -57,19 +58,19 @@ class AcpSocket:
     async def _serve(self, websocket: WebSocket, login: Login, connection_id: str) -> End:
         if self._open > self._max_connections:
             end = End(TRY_AGAIN_LATER, "Too many people are connected. Try again later.")
-            await _close(websocket, end)
+            await close(websocket, end)
             return end
         relay = Relay(DirectWebSocket.of(websocket.scope), login.token, connection_id, self._limit)
         try:
             agent = await self._agent.connect(relay, self._limit)
         except AgentDownError as error:
             end = End(TRY_AGAIN_LATER, str(error))
-            await _close(websocket, end)
+            await close(websocket, end)
             return end
         try:
             relay.begin(agent)
             end = await _until_end(relay, websocket, login)
-            await _close(websocket, end)
+            await close(websocket, end)
             return end
         finally:
             relay.close()
@@ -81,20 +82,11 @@ async def _until_end(relay: Relay, websocket: WebSocket, login: Login) -> End:
         async with asyncio.timeout(login.seconds_left()):
             return await first_of(relay.ended(), _left(websocket))
     except TimeoutError:
-        return End(LOGIN_EXPIRED, "Your login has expired. Log in again.")
+        return EXPIRED
 
 
 async def _left(websocket: WebSocket) -> End:
     """Wait until the client has gone: the only thing that a relayed WebSocket still tells through ASGI."""
     while (await websocket.receive())["type"] != "websocket.disconnect":
         pass
-    return End(NORMAL, "the client left")
-
-
-async def _close(websocket: WebSocket, end: End) -> None:
-    """Say why it is over, to a client that still listens."""
-    try:
-        async with asyncio.timeout(1.0):
-            await websocket.close(end.code, end.reason)
-    except (WebSocketDisconnect, RuntimeError, TimeoutError):
-        pass
+    return LEFT

@@ -10,9 +10,9 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from backend import wire
+from backend.bridge.closing import LEFT, POLICY_VIOLATION, SERVICE_RESTART, TRY_AGAIN_LATER, End
 from backend.bridge.direct import DirectWebSocket
 from backend.bridge.upstream import Upstream
 
@@ -20,23 +20,9 @@ FIRST_FRAME_SECONDS = 30.0
 STALL_SECONDS = 15.0
 """How long a side may stay too full to take anything before the connection is cut."""
 
-NORMAL = 1000
-POLICY_VIOLATION = 1008
-SERVICE_RESTART = 1012
-TRY_AGAIN_LATER = 1013
-LOGIN_EXPIRED = 4401
-
 _ONE_LINE = bytes.maketrans(b"\r\n", b"  ")
 
 log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class End:
-    """Why a connection is over: the close code, and a reason for the person in front of the client."""
-
-    code: int
-    reason: str
 
 
 class Relay:
@@ -68,7 +54,7 @@ class Relay:
         """Hear no more."""
         for timer in self._timers.values():
             timer.cancel()
-        self._finish(NORMAL, "the client left")
+        self._finish(LEFT)
 
     # What the client's side calls.
 
@@ -122,7 +108,7 @@ class Relay:
 
     def agent_gone(self) -> None:
         """End, so that the client can connect anew."""
-        self._finish(SERVICE_RESTART, "The agent has stopped.")
+        self._finish(End(SERVICE_RESTART, "The agent has stopped."))
 
     # What is left.
 
@@ -134,7 +120,7 @@ class Relay:
         sentence = "The first message must be initialize."
         request_id = frame.id if frame.kind == "request" else None
         self._client.send_texts([wire.error_frame(request_id, wire.INVALID_REQUEST, sentence)])
-        self._finish(POLICY_VIOLATION, sentence)
+        self._finish(End(POLICY_VIOLATION, sentence))
         return False
 
     def _line(self, frame: wire.Frame) -> bytes:
@@ -155,7 +141,7 @@ class Relay:
         then: Callable[[], None] = lambda: None,
     ) -> None:
         def over() -> None:
-            self._finish(code, reason)
+            self._finish(End(code, reason))
             then()
 
         self._in_time(what)
@@ -165,6 +151,6 @@ class Relay:
         if timer := self._timers.pop(what, None):
             timer.cancel()
 
-    def _finish(self, code: int, reason: str) -> None:
+    def _finish(self, end: End) -> None:
         if not self._end.done():
-            self._end.set_result(End(code, reason))
+            self._end.set_result(end)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import inspect
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
@@ -17,6 +18,7 @@ import httpx
 import orjson
 import pytest
 from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed
 
 from backend import config, identity
 from backend.bridge import server
@@ -28,11 +30,15 @@ PATIENCE = 10.0
 
 
 async def eventually(condition: Callable[[], object], seconds: float = PATIENCE) -> Any:
-    """Wait until `condition` is true, and return what it gave."""
+    """Wait until `condition` (which may have to be awaited itself) is true, and return what it gave."""
     async with asyncio.timeout(seconds):
-        while not (value := condition()):
+        while True:
+            value = condition()
+            if inspect.isawaitable(value):
+                value = await value
+            if value:
+                return value
             await asyncio.sleep(0.01)
-    return value
 
 
 class ScriptedAgent:
@@ -175,9 +181,7 @@ def settings_for(tmp_path: Path) -> Iterator[Callable[..., Settings]]:
 
 
 @pytest.fixture
-async def bridge(
-    agent: ScriptedAgent, settings_for: Callable[..., Settings]
-) -> AsyncIterator[RunningBridge]:
+async def bridge(agent: ScriptedAgent, settings_for: Callable[..., Settings]) -> AsyncIterator[RunningBridge]:
     """A bridge in front of the scripted agent."""
     async with running_bridge(settings_for(agent={"port": agent.port})) as running:
         yield running
@@ -205,6 +209,21 @@ async def client(bridge: RunningBridge, agent: ScriptedAgent) -> AsyncIterator[C
         await websocket.send(INITIALIZE.decode())
         await agent.heard()
         yield websocket
+
+
+async def read_to_end(websocket: ClientConnection) -> tuple[int, str]:
+    """Read until the other side closes; its close code and reason."""
+    async with asyncio.timeout(PATIENCE):
+        with contextlib.suppress(ConnectionClosed):
+            while True:
+                await websocket.recv()
+    return websocket.close_code, websocket.close_reason
+
+
+@pytest.fixture
+def closing() -> Callable[[ClientConnection], Awaitable[tuple[int, str]]]:
+    """Waits for the end of a WebSocket: `code, reason = await closing(websocket)`."""
+    return read_to_end
 
 
 @pytest.fixture

@@ -44,9 +44,7 @@ async def test_with_a_token_that_proves_nothing_it_is_refused_with_401(bridge, a
 
 async def test_a_page_of_another_site_is_refused_with_403_even_with_a_good_cookie(bridge, agent):
     cookie = {"Cookie": f"robot_acp={bridge.token()}"}
-    status, sentence = await refused(
-        bridge.websocket(token=None, headers=cookie, origin="https://evil.example")
-    )
+    status, sentence = await refused(bridge.websocket(token=None, headers=cookie, origin="https://evil.example"))
     assert status == 403
     assert "allowed_origins" in sentence
     assert agent.connections == 0
@@ -77,10 +75,12 @@ async def test_a_cookie_and_our_own_origin_let_a_browser_in(bridge, agent, initi
 
 async def test_an_origin_that_the_settings_allow_is_let_in(bridge_with, agent, initialize):
     allowed = "https://robot.example.org"
-    async with bridge_with(agent={"port": agent.port}, bridge={"allowed_origins": [allowed]}) as bridge:
-        async with bridge.websocket(origin=allowed, called="robot.example.org") as websocket:
-            await websocket.send(initialize.decode())
-            assert (await agent.heard_message())["method"] == "initialize"
+    async with (
+        bridge_with(agent={"port": agent.port}, bridge={"allowed_origins": [allowed]}) as bridge,
+        bridge.websocket(origin=allowed, called="robot.example.org") as websocket,
+    ):
+        await websocket.send(initialize.decode())
+        assert (await agent.heard_message())["method"] == "initialize"
 
 
 async def test_every_connection_is_told_an_id_of_its_own(bridge):
@@ -159,9 +159,7 @@ async def test_a_pretty_printed_frame_reaches_the_agent_as_one_line(client, agen
     assert await agent.heard() == PING.encode()
 
 
-async def test_initialize_carries_the_verified_token_and_nothing_of_ours_that_the_client_made_up(
-    bridge, agent
-):
+async def test_initialize_carries_the_verified_token_and_nothing_of_ours_that_the_client_made_up(bridge, agent):
     token = bridge.token(Role.VIEWER, "Vera")
     frame = {
         "jsonrpc": "2.0",
@@ -187,7 +185,7 @@ async def test_initialize_carries_the_verified_token_and_nothing_of_ours_that_th
 async def test_initialize_written_with_escapes_is_still_initialize(bridge, agent, escaped):
     token = bridge.token()
     async with bridge.websocket(token=token) as websocket:
-        await websocket.send('{"jsonrpc":"2.0","id":0,"method":%s}' % escaped)
+        await websocket.send('{"jsonrpc":"2.0","id":0,"method":' + escaped + "}")
         assert (await agent.heard_message())["params"]["_meta"] == {"robot-acp/token": token}
 
 
@@ -258,9 +256,7 @@ async def test_the_log_names_people_and_never_tokens(bridge, agent, initialize, 
             await websocket.send(initialize.decode())
             await agent.heard()
         await wait_until(lambda: "gone: Ana" in caplog.text)
-    ours = "\n".join(
-        record.getMessage() for record in caplog.records if record.name.startswith(("backend", "uvicorn"))
-    )
+    ours = "\n".join(record.getMessage() for record in caplog.records if record.name.startswith(("backend", "uvicorn")))
     assert "connected: Ana (operator)" in ours
     assert token not in ours
     assert token.split(".")[2] not in ours

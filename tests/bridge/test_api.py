@@ -27,28 +27,28 @@ async def robot(settings_for) -> AsyncIterator[Settings]:
         await serving
 
 
-async def test_everyone_may_stop_and_only_a_supervisor_may_release(bridge_with, robot, agent):
-    async with bridge_with(agent={"port": agent.port}, robot={"port": robot.robot.port}) as bridge:
-        async with (
-            bridge.http(bridge.token(Role.VIEWER, "Vera")) as viewer,
-            bridge.http(bridge.token(Role.OPERATOR, "Otto")) as operator,
-            bridge.http(bridge.token(Role.SUPERVISOR, "Susi")) as supervisor,
-        ):
-            stopped = await viewer.post("/api/stop")
-            assert stopped.status_code == 200
-            assert stopped.json()["stopped"]["by"] == "Vera"
-            assert stopped.json()["stopped"]["at"] > 0
+async def test_everyone_may_stop_and_only_a_supervisor_may_release(bridge_with, robot):
+    async with (
+        bridge_with(robot={"port": robot.robot.port}) as bridge,
+        bridge.http(bridge.token(Role.VIEWER, "Vera")) as viewer,
+        bridge.http(bridge.token(Role.OPERATOR, "Otto")) as operator,
+        bridge.http(bridge.token(Role.SUPERVISOR, "Susi")) as supervisor,
+    ):
+        stopped = await viewer.post("/api/stop")
+        assert stopped.status_code == 200
+        assert stopped.json()["stopped"]["by"] == "Vera"
+        assert stopped.json()["stopped"]["at"] > 0
 
-            again = await operator.post("/api/stop")
-            assert again.json() == stopped.json()  # the first one is kept
+        again = await operator.post("/api/stop")
+        assert again.json() == stopped.json()  # the first one is kept
 
-            for other in (viewer, operator):
-                refused = await other.post("/api/release")
-                assert refused.status_code == 403
-                assert refused.json() == {"error": "Only a supervisor can release the stop."}
+        for other in (viewer, operator):
+            refused = await other.post("/api/release")
+            assert refused.status_code == 403
+            assert refused.json() == {"error": "Only a supervisor can release the stop."}
 
-            released = await supervisor.post("/api/release")
-            assert (released.status_code, released.json()) == (200, {"stopped": None})
+        released = await supervisor.post("/api/release")
+        assert (released.status_code, released.json()) == (200, {"stopped": None})
 
 
 async def test_a_browser_stops_with_its_cookie_and_another_site_cannot(bridge_with, robot):
@@ -77,9 +77,9 @@ async def test_a_stop_that_cannot_reach_the_robot_says_so_at_once(bridge):
 
 
 async def test_health_is_ok_when_agent_and_robot_answer(bridge_with, robot, agent):
-    async with bridge_with(agent={"port": agent.port}, robot={"port": robot.robot.port}) as bridge:
-        async with bridge.http() as http:
-            body = (await http.get("/api/health")).json()
+    ports = {"agent": {"port": agent.port}, "robot": {"port": robot.robot.port}}
+    async with bridge_with(**ports) as bridge, bridge.http() as http:
+        body = (await http.get("/api/health")).json()
     assert body["status"] == "ok"
     assert body["agent"]["up"]
     assert body["robot"]["up"]
@@ -98,9 +98,11 @@ async def test_health_tells_what_is_missing_and_sees_it_come_back(bridge_with, a
         assert not body["robot"]["up"]
 
         await agent.start(port)
-        async with asyncio.timeout(10):
-            while not (await http.get("/api/health")).json()["agent"]["up"]:
-                await asyncio.sleep(0.05)
+
+        async def agent_is_up() -> bool:
+            return (await http.get("/api/health")).json()["agent"]["up"]
+
+        await wait_until(agent_is_up)
 
 
 @pytest.mark.parametrize(("command", "up"), [("cat", True), ("/no/such/agent", False)])

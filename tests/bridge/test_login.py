@@ -40,9 +40,7 @@ async def test_a_token_becomes_a_cookie_that_scripts_cannot_read_and_other_sites
 
 async def test_behind_https_the_cookie_is_for_https_alone(bridge):
     async with bridge.http() as http:
-        response = await http.post(
-            "/api/login", json={"token": bridge.token()}, headers={"X-Forwarded-Proto": "https"}
-        )
+        response = await http.post("/api/login", json={"token": bridge.token()}, headers={"X-Forwarded-Proto": "https"})
     assert cookie_of(response)["secure"]
 
 

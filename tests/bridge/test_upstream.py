@@ -10,7 +10,6 @@ from pathlib import Path
 
 import orjson
 import pytest
-from websockets.exceptions import ConnectionClosed
 
 from backend.bridge.upstream import agent_at
 from backend.config import ConfigError
@@ -27,25 +26,17 @@ def alive(pid: int) -> bool:
     return True
 
 
-async def closing(websocket) -> tuple[int, str]:
-    """Read to the end; the code and the reason of the close."""
-    with pytest.raises(ConnectionClosed) as closed:
-        while True:
-            await websocket.recv()
-    return closed.value.rcvd.code, closed.value.rcvd.reason
-
-
-async def test_while_the_agent_is_down_a_client_is_let_in_and_told_so(bridge_with):
+async def test_while_the_agent_is_down_a_client_is_let_in_and_told_so(bridge_with, closing):
     async with bridge_with() as bridge, bridge.websocket() as websocket:
         assert await closing(websocket) == (1013, "The agent is not running.")
 
 
-async def test_an_agent_that_dies_in_the_middle_ends_the_connection_with_a_reason(client, agent):
+async def test_an_agent_that_dies_in_the_middle_ends_the_connection_with_a_reason(client, agent, closing):
     agent.hang_up()
     assert await closing(client) == (1012, "The agent has stopped.")
 
 
-async def test_what_the_agent_said_last_arrives_before_the_end(client, agent):
+async def test_what_the_agent_said_last_arrives_before_the_end(client, agent, closing):
     await agent.say(PING + b"\n" + PING + b"\n")
     agent.hang_up()
     assert [(await client.recv()).encode() for _ in range(2)] == [PING, PING]
@@ -87,13 +78,12 @@ async def test_an_agent_on_stdio_is_a_process_of_its_own_for_each_client(bridge_
         await wait_until(lambda: not any(alive(pid) for pid in pids))
 
 
-async def test_a_child_that_ends_by_itself_ends_the_connection(bridge_with, initialize):
-    async with bridge_with(bridge={"agent": f"stdio:{STDIO_AGENT}"}) as bridge:
-        async with bridge.websocket() as websocket:
-            await websocket.send(initialize.decode())
-            await websocket.recv()
-            await websocket.send('{"jsonrpc":"2.0","method":"_exit"}')
-            assert await closing(websocket) == (1012, "The agent has stopped.")
+async def test_a_child_that_ends_by_itself_ends_the_connection(bridge_with, initialize, closing):
+    async with bridge_with(bridge={"agent": f"stdio:{STDIO_AGENT}"}) as bridge, bridge.websocket() as websocket:
+        await websocket.send(initialize.decode())
+        await websocket.recv()
+        await websocket.send('{"jsonrpc":"2.0","method":"_exit"}')
+        assert await closing(websocket) == (1012, "The agent has stopped.")
 
 
 async def test_a_child_that_will_not_end_is_made_to(bridge_with, initialize, wait_until, monkeypatch):
@@ -115,10 +105,9 @@ async def test_the_bridges_end_is_the_childs_end(bridge_with, initialize, wait_u
     await websocket.close()
 
 
-async def test_a_command_that_does_not_exist_is_told_to_the_client(bridge_with):
-    async with bridge_with(bridge={"agent": "stdio:/no/such/agent"}) as bridge:
-        async with bridge.websocket() as websocket:
-            assert await closing(websocket) == (1013, "The agent cannot be started.")
+async def test_a_command_that_does_not_exist_is_told_to_the_client(bridge_with, closing):
+    async with bridge_with(bridge={"agent": "stdio:/no/such/agent"}) as bridge, bridge.websocket() as websocket:
+        assert await closing(websocket) == (1013, "The agent cannot be started.")
 
 
 @pytest.mark.parametrize(

@@ -69,7 +69,9 @@ class Reader:
         await self.socket.send(telemetry.encode(telemetry.Subscribe(list(channels), rate)))
 
     async def next(self) -> telemetry.AnyMessage:
-        frame = await asyncio.wait_for(self.socket.recv(), TIME_LIMIT)
+        # Not wait_for: before Python 3.12 it can swallow the cancellation of a time limit around it.
+        async with asyncio.timeout(TIME_LIMIT):
+            frame = await self.socket.recv()
         assert isinstance(frame, bytes)
         return telemetry.decode(frame)
 

@@ -15,6 +15,8 @@ from mcp import Client
 from mcp_types import AudioContent, CallToolResult, ImageContent, TextContent
 from PIL import Image
 
+from backend import telemetry
+
 from .conftest import Served, serving
 
 TOOLS = {
@@ -255,18 +257,19 @@ async def test_cancelling_the_call_brings_the_robot_to_a_halt_on_the_way(tmp_pat
     async with (
         serving(tmp_path, time_scale=1.0) as robot,
         robot.mcp(mode) as client,
-        robot.telemetry("state", "path", rate=50) as reader,
+        robot.telemetry("state", rate=50) as reader,
     ):
         driving = asyncio.create_task(client.call_tool("navigate_to_place", {"place": "lab 2.3.7"}))
-        await reader.state(lambda s: s.twist.linear > 0.4)
+        await reader.state(lambda s: s.twist.linear > 0.4 and s.pose.x > 1.3)
         driving.cancel()
         moving = await reader.state(lambda s: s.motion is None)
-        halted = await reader.state(lambda s: s.twist.linear == 0)
+        halted = await reader.state(lambda s: s.twist == telemetry.Twist(0.0, 0.0))
         assert halted.time - moving.time < 0.3
-        last = await reader.until(lambda m: hasattr(m, "points"))
-        assert last.points == []
+        assert 0.3 < apart({"x": halted.pose.x, "y": halted.pose.y}, {"x": 0.9, "y": 3.1}) < 3
         for _ in range(10):
             assert (await reader.state()).pose == halted.pose
+        await reader.subscribe("path")
+        assert (await reader.until(lambda m: hasattr(m, "points"))).points == []
         assert (await call(client, "rotate_in_place", degrees=5))["reached"]
 
 

@@ -80,12 +80,12 @@ _STRONG = re.compile(
 )
 _WEAK = re.compile(rf"\s*(?:,\s*(?:and\s+)?|\s+and\s+)(?={_VERB})", re.I)
 _WEAK_BACK = re.compile(r"\s*(?:,\s*(?:and\s+)?|\s+and\s+)(?=(?:come|go|drive|head)\s+back\b|return\b)", re.I)
-_POLITE = re.compile(
-    r"^(?:(?:hey|hi|hello|ok|okay|now|please|then|and|so)\b[\s,]*|(?:can|could|would|will)\s+you\s+(?:please\s+)?"
-    r"|i\s+(?:want|need)\s+you\s+to\s+)",
-    re.I,
+_PLEASE = (
+    r"(?:(?:hey|hi|hello|ok|okay|now|please|then|and|so)\b[\s,]*|(?:can|could|would|will)\s+you\s+(?:please\s+)?"
+    r"|i\s+(?:want|need)\s+you\s+to\s+)"
 )
-_CALLED = re.compile(rf"^\w+\s*,\s*(?={_VERB})", re.I)
+_POLITE = re.compile(rf"^{_PLEASE}", re.I)
+_CALLED = re.compile(rf"^\w+\s*,\s*(?={_VERB}|{_PLEASE})", re.I)
 _QUOTE = re.compile(r"[\"“”«]([^\"“”«»]*)[\"“”»]|(?<!\w)'([^']*)'(?!\w)")
 _NUMBER = r"[-+]?\d+(?:\.\d+)?"
 _POINT = re.compile(
@@ -192,7 +192,14 @@ def _moving(clause: str, _quotes: list[str]) -> list[Action]:
     return [GoTo(_place(going["place"]))]
 
 
+_TURN_WORDS = re.compile(
+    rf"(?:\s|\bto\b|\bthe\b|\bby\b|left|right|around|degrees?|deg\b|°|(?:counter-?|anti-?)?clockwise|{_NUMBER})*"
+)
+
+
 def _turn(rest: str) -> list[Action]:
+    if not _TURN_WORDS.fullmatch(rest):
+        return []
     number = re.search(_NUMBER, rest)
     if number is None and "around" in rest:
         return [Turn(180.0)]
@@ -210,7 +217,8 @@ def _speaking(clause: str, quotes: list[str]) -> list[Action]:
     if delivery:
         return [GoTo(_place(delivery["place"])), Say(_sentence(delivery["text"], quotes))]
     telling = re.match(
-        rf"(?:tell|inform|let)\s+(?:(?P<them>{_THEM})|(?P<place>.+?))\s+(?:know\s+)?(?:that\s+|:\s*|(?=\x00))(?P<text>.+)$",
+        rf"(?:tell|inform|let)\s+(?:(?P<them>{_THEM})|(?P<place>.+?))"
+        r"(?:\s*:\s*|\s+(?:know\s+)?(?:that\s+|(?=\x00)))(?P<text>.+)$",
         clause,
         re.I,
     ) or re.match(rf"(?:tell|inform|let)\s+(?P<them>{_THEM})(?P<place>)\s+(?:know\s+)?(?P<text>.+)$", clause, re.I)

@@ -20,7 +20,8 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, WebSocketException
 from websockets.typing import Subprotocol
 
-from backend.bridge.login import Gate, admit_websocket
+from backend.bridge.closing import EXPIRED, LEFT, POLICY_VIOLATION, TRY_AGAIN_LATER, End, close
+from backend.bridge.login import Gate, Login, admit_websocket
 from backend.bridge.race import first_of
 from backend.bridge.scene import page
 from backend.bridge.scene.scene import Scene, SceneDownError
@@ -28,7 +29,7 @@ from backend.bridge.scene.scene import Scene, SceneDownError
 CAMERA_MESSAGE = "ViewerCameraMessage"
 _START_SECONDS = 20.0
 _SEND_SECONDS = 15.0
-_TRY_AGAIN_LATER = 1013
+_NOT_READY = End(TRY_AGAIN_LATER, "The scene is not ready.")
 
 log = logging.getLogger(__name__)
 
@@ -95,7 +96,10 @@ class SceneSocket:
         login = await admit_websocket(self._gate, websocket)
         if login is None:
             return
-        offered = [Subprotocol(name) for name in scope["subprotocols"] if name.startswith("viser-")]
+        await close(websocket, await self._serve(websocket, login))
+
+    async def _serve(self, websocket: WebSocket, login: Login) -> End:
+        offered = [Subprotocol(name) for name in websocket.scope["subprotocols"] if name.startswith("viser-")]
         try:
             async with asyncio.timeout(_START_SECONDS):
                 port = await self._scene.port()
@@ -110,42 +114,47 @@ class SceneSocket:
                 await websocket.accept(subprotocol=viser.subprotocol)
                 self._scene.viewer_came()
                 try:
-                    async with asyncio.timeout(login.seconds_left()):
-                        await first_of(_to_viser(websocket, viser), _to_viewer(viser, websocket))
+                    return await _relay(websocket, viser, login)
                 finally:
                     self._scene.viewer_left()
         except (SceneDownError, OSError, WebSocketException, TimeoutError) as error:
-            log.info("scene: a viewer was cut off: %s", error or "too slow, or its login has expired")
-        except WebSocketDisconnect:
-            return
-        await _close(websocket)
+            log.warning("scene: viser cannot be reached: %s", error)
+            return _NOT_READY
 
 
-async def _to_viser(websocket: WebSocket, viser: ClientConnection) -> None:
+async def _relay(websocket: WebSocket, viser: ClientConnection, login: Login) -> End:
+    try:
+        async with asyncio.timeout(login.seconds_left()):
+            return await first_of(_to_viser(websocket, viser), _to_viewer(viser, websocket))
+    except TimeoutError:
+        return EXPIRED
+
+
+async def _to_viser(websocket: WebSocket, viser: ClientConnection) -> End:
     while True:
         message = await websocket.receive()
         if message["type"] == "websocket.disconnect":
-            return
+            return LEFT
         frame = message.get("bytes")
         if frame is not None and _is_camera(frame):
             try:
                 await viser.send(frame)
             except ConnectionClosed:
-                return
+                return _NOT_READY
 
 
-async def _to_viewer(viser: ClientConnection, websocket: WebSocket) -> None:
-    async for frame in viser:
-        async with asyncio.timeout(_SEND_SECONDS):
-            await websocket.send_bytes(frame if isinstance(frame, bytes) else frame.encode())
-
-
-async def _close(websocket: WebSocket) -> None:
+async def _to_viewer(viser: ClientConnection, websocket: WebSocket) -> End:
     try:
-        async with asyncio.timeout(1.0):
-            await websocket.close(_TRY_AGAIN_LATER, "The scene is not ready.")
-    except (WebSocketDisconnect, RuntimeError, TimeoutError):
+        async for frame in viser:
+            async with asyncio.timeout(_SEND_SECONDS):
+                await websocket.send_bytes(frame if isinstance(frame, bytes) else frame.encode())
+    except TimeoutError:
+        return End(POLICY_VIOLATION, "The page does not read.")
+    except WebSocketDisconnect:
+        return LEFT
+    except ConnectionClosed:
         pass
+    return _NOT_READY
 
 
 def _is_camera(frame: bytes) -> bool:

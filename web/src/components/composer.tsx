@@ -96,7 +96,7 @@ export function Composer() {
           </button>
         </div>
       </div>
-      <p id="composer-hint" className="composer-hint">
+      <p id="composer-hint" className="composer-hint" data-reason={reason ?? "none"}>
         {reason === null ? t("composer.hint") : t(`composer.${reason}`, { robot })}
       </p>
     </form>

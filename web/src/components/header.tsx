@@ -178,7 +178,8 @@ function QuestionChip({ onClick }: { onClick: () => void }) {
     >
       <ShieldQuestion aria-hidden />
       <span className="question-chip-text">
-        <strong>{t("question.asks", { robot: name })}</strong> {question.title}
+        <strong>{t("question.asks", { robot: name })}</strong>{" "}
+        <span className="question-chip-what">{question.title}</span>
       </span>
     </button>
   );

@@ -201,7 +201,7 @@ export const en = {
   },
   composer: {
     label: "Message to {{robot}}",
-    placeholder: "Ask {{robot}} to do something …",
+    placeholder: "Ask {{robot}} …",
     send: "Send",
     cancel: "Cancel",
     stopping: "Stopping …",

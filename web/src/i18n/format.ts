@@ -1,10 +1,16 @@
 /** Numbers and times in words, in the language of the page. */
 import i18next from "./index";
 
+/** The region is the reader's own: "en" alone would give everybody American times. */
+function locale(): string {
+  const own = navigator.languages.find((tag) => tag.split("-")[0] === i18next.language);
+  return own ?? i18next.language;
+}
+
 function number(value: number, digits: number): string {
   // Adding 0 turns -0 into 0: nobody drives at "-0.0 m/s".
   const rounded = Number(value.toFixed(digits)) + 0;
-  return new Intl.NumberFormat(i18next.language, {
+  return new Intl.NumberFormat(locale(), {
     minimumFractionDigits: digits,
     maximumFractionDigits: digits,
   }).format(rounded);
@@ -13,7 +19,7 @@ function number(value: number, digits: number): string {
 export const fixed = number;
 
 export function percent(fraction: number): string {
-  return new Intl.NumberFormat(i18next.language, { style: "percent" }).format(fraction);
+  return new Intl.NumberFormat(locale(), { style: "percent" }).format(fraction);
 }
 
 export function speed(metresPerSecond: number): string {
@@ -34,7 +40,7 @@ export function degrees(yaw: number): string {
 }
 
 export function clock(unixSeconds: number): string {
-  return new Intl.DateTimeFormat(i18next.language, { timeStyle: "medium" }).format(unixSeconds * 1000);
+  return new Intl.DateTimeFormat(locale(), { timeStyle: "medium" }).format(unixSeconds * 1000);
 }
 
 /** The time of today, else the day. */
@@ -43,5 +49,5 @@ export function when(date: Date, now: Date): string {
     date.toDateString() === now.toDateString()
       ? { hour: "2-digit", minute: "2-digit" }
       : { day: "numeric", month: "short" };
-  return new Intl.DateTimeFormat(i18next.language, style).format(date);
+  return new Intl.DateTimeFormat(locale(), style).format(date);
 }

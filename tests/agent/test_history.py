@@ -1,0 +1,87 @@
+"""The memory of a session is a function of its events."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from backend.agent import present
+from backend.agent.history import PHOTO_NOTE, History
+from backend.agent.robot_tools import Tool, ToolResult
+
+DRIVE = Tool("navigate_to_place", "Drive", {}, "Drive", "Drive to {place}", False)
+
+
+def history_of(*updates: dict[str, Any]) -> History:
+    history = History()
+    for update in updates:
+        history.apply(update)
+    return history
+
+
+def roles(history: History) -> list[str]:
+    return [message["role"] for message in history.messages()]
+
+
+def test_a_turn_becomes_the_chat_that_a_model_would_have_had() -> None:
+    history = history_of(
+        present.user_message({"type": "text", "text": "go to the kitchen"}, "Ana", "t"),
+        present.thought("I will go."),
+        present.tool_call("t.1", DRIVE, {"place": "kitchen"}, "pending"),
+        present.tool_status("t.1", "in_progress"),
+        present.tool_result("t.1", ToolResult(False, [], {"reached": True})),
+        present.message("Here "),
+        present.message("I am."),
+        present.turn_ended("t", "end_turn"),
+    )
+    user, asked, result, answer = history.messages()
+    assert user == {"role": "user", "content": [{"type": "text", "text": "go to the kitchen"}]}
+    assert asked["tool_calls"][0]["function"] == {"name": "navigate_to_place", "arguments": '{"place": "kitchen"}'}
+    assert result == {
+        "role": "tool", "tool_call_id": "t.1", "name": "navigate_to_place", "content": '{"reached": true}'
+    }  # fmt: skip
+    assert answer == {"role": "assistant", "content": "Here I am."}
+    assert history.interrupted is None
+
+
+def test_a_failure_is_told_as_an_error() -> None:
+    history = history_of(
+        present.user_message({"type": "text", "text": "go"}, "Ana", "t"),
+        present.tool_call("t.1", DRIVE, {"place": "moon"}, "pending"),
+        present.tool_status("t.1", "failed", "refused by Ana"),
+    )
+    assert history.messages()[-1]["content"] == "Error: refused by Ana"
+
+
+def test_blocks_of_one_prompt_are_one_message_and_a_photo_follows_its_tool_call() -> None:
+    photo = {"type": "image", "data": "AAAA", "mimeType": "image/png"}
+    look = Tool("take_photo", "Photo", {}, "Photo", None, True)
+    history = history_of(
+        present.user_message({"type": "text", "text": "compare"}, "Ana", "t"),
+        present.user_message(photo, "Ana", "t"),
+        present.tool_call("t.1", look, {}, "in_progress"),
+        present.tool_result("t.1", ToolResult(False, [photo], {"width": 1})),
+    )
+    assert roles(history) == ["user", "assistant", "tool", "user"]
+    assert [part["type"] for part in history.messages()[0]["content"]] == ["text", "image_url"]
+    assert history.messages()[-1]["content"][0]["text"] == PHOTO_NOTE
+
+
+def test_a_turn_that_has_not_ended_and_its_open_calls_are_known() -> None:
+    history = history_of(
+        present.user_message({"type": "text", "text": "go"}, "Ana", "t"),
+        present.tool_call("t.1", DRIVE, {"place": "kitchen"}, "pending"),
+    )
+    assert history.interrupted == "t"
+    assert history.open_calls == ["t.1"]
+
+
+def test_a_long_past_is_shortened_by_whole_turns_and_never_the_last() -> None:
+    history = History()
+    for number in range(50):
+        history.apply(present.user_message({"type": "text", "text": f"{number} " + "x" * 100}, "Ana", str(number)))
+        history.apply(present.message("y" * 100))
+    kept = history.messages(max_chars=1000)
+    assert kept[0]["role"] == "user"
+    assert kept[-2]["content"][0]["text"].startswith("49 ")
+    assert len(kept) == 2 * 4
+    assert len(history.messages(max_chars=1)) == 2

@@ -1,0 +1,151 @@
+"""Only an `allow_*` option that was offered allows; everything else refuses."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from backend.agent.permissions import PermissionDesk, Verdict, read_answer
+
+CALL = {"toolCallId": "t1", "title": "Say aloud: “Hi.”"}
+
+
+def chosen(option: str) -> dict[str, Any]:
+    return {"outcome": {"outcome": "selected", "optionId": option}}
+
+
+class Person:
+    """Somebody who may approve, and answers when the test says so."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.asked: asyncio.Future[Any] | None = None
+        self.withdrawn = False
+
+    async def request(self, method: str, params: dict[str, Any]) -> Any:
+        assert method == "session/request_permission"
+        assert params["toolCall"] == CALL
+        self.asked = asyncio.get_running_loop().create_future()
+        try:
+            return await self.asked
+        except asyncio.CancelledError:
+            self.withdrawn = True
+            raise
+
+
+class Desk:
+    def __init__(self, *people: Person, timeout_s: float = 5.0) -> None:
+        self._tasks: list[asyncio.Task[None]] = []
+        self.desk = PermissionDesk(timeout_s, self._spawn)
+        for person in people:
+            self.desk.attach(person)
+
+    def _spawn(self, work: Any) -> asyncio.Task[None]:
+        self._tasks.append(asyncio.create_task(work))
+        return self._tasks[-1]
+
+    def ask(self) -> asyncio.Task[Verdict]:
+        return asyncio.create_task(self.desk.ask("s1", CALL, "speech", "Visitor"))
+
+
+@pytest.fixture
+def ana() -> Person:
+    return Person("Ana")
+
+
+@pytest.fixture
+def ben() -> Person:
+    return Person("Ben")
+
+
+async def asked(*people: Person) -> None:
+    async with asyncio.timeout(5):
+        while any(person.asked is None for person in people):
+            await asyncio.sleep(0)
+
+
+@pytest.mark.parametrize(
+    ("option", "allowed"),
+    [("allow_once", True), ("allow_always", True), ("reject_once", False), ("reject_always", False)],
+)
+async def test_the_chosen_option_counts_not_that_one_was_chosen(ana: Person, option: str, allowed: bool) -> None:
+    question = Desk(ana).ask()
+    await asked(ana)
+    assert ana.asked is not None
+    ana.asked.set_result(chosen(option))
+    assert await question == Verdict(allowed, "selected", option, "Ana")
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        chosen("reject"),
+        chosen("allow"),
+        chosen("ALLOW_ONCE"),
+        {"outcome": {"outcome": "cancelled"}},
+        {"outcome": {"outcome": "selected"}},
+        {"outcome": {"outcome": "allowed", "optionId": "allow_once"}},
+        {"outcome": "allow_once"},
+        {},
+        None,
+        [],
+        "allow_once",
+    ],
+)
+async def test_an_answer_that_is_none_of_those_offered_refuses(ana: Person, answer: Any) -> None:
+    assert read_answer(answer) is None
+    question = Desk(ana).ask()
+    await asked(ana)
+    assert ana.asked is not None
+    ana.asked.set_result(answer)
+    assert (await question).allowed is False
+
+
+async def test_the_first_answer_counts_and_the_others_see_the_question_withdrawn(ana: Person, ben: Person) -> None:
+    question = Desk(ana, ben).ask()
+    await asked(ana, ben)
+    assert ben.asked is not None
+    ben.asked.set_result(chosen("reject_once"))
+    assert (await question).by == "Ben"
+    async with asyncio.timeout(5):
+        while not ana.withdrawn:
+            await asyncio.sleep(0)
+
+
+async def test_a_client_that_cannot_answer_leaves_the_question_to_the_others(ana: Person, ben: Person) -> None:
+    question = Desk(ana, ben).ask()
+    await asked(ana, ben)
+    assert ana.asked is not None
+    assert ben.asked is not None
+    ana.asked.set_exception(ConnectionError("gone"))
+    ben.asked.set_result(chosen("allow_once"))
+    assert (await question).by == "Ben"
+
+
+async def test_nobody_to_ask_refuses_at_once() -> None:
+    assert await Desk().ask() == Verdict(False, "nobody")
+
+
+async def test_no_answer_in_time_refuses(ana: Person) -> None:
+    assert await Desk(ana, timeout_s=0.05).ask() == Verdict(False, "timeout")
+
+
+async def test_when_the_last_one_leaves_it_is_refused(ana: Person) -> None:
+    desk = Desk(ana)
+    question = desk.ask()
+    await asked(ana)
+    desk.desk.detach(ana)
+    assert await question == Verdict(False, "nobody")
+
+
+async def test_one_who_comes_later_gets_the_pending_question(ana: Person, ben: Person) -> None:
+    desk = Desk(ana)
+    question = desk.ask()
+    await asked(ana)
+    desk.desk.attach(ben)
+    await asked(ben)
+    assert ben.asked is not None
+    ben.asked.set_result(chosen("allow_once"))
+    assert (await question).by == "Ben"

@@ -1,0 +1,292 @@
+"""The scene behind the bridge: login, the page, and the WebSocket between a viewer and viser."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator
+
+import msgspec
+import pytest
+import uvicorn
+import viser
+from starlette.applications import Starlette
+from starlette.routing import WebSocketRoute
+from websockets.asyncio.client import connect
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.exceptions import InvalidStatus
+
+from backend import identity, telemetry
+from backend.bridge.login import Gate
+from backend.bridge.origin import OriginPolicy
+from backend.bridge.scene.proxy import SceneSocket
+from backend.bridge.scene.scene import Scene
+from backend.identity import Role
+from backend.telemetry import Battery, Map, Motion, Path, Place, Pose, Scan, State, Stop, Twist
+
+SUBPROTOCOL = f"viser-v{viser.__version__}"
+KEY = b"k" * 64
+
+CAMERA = {
+    "type": "ViewerCameraMessage",
+    "wxyz": (1.0, 0.0, 0.0, 0.0),
+    "position": (3.0, 3.0, 3.0),
+    "fov": 0.7,
+    "near": 0.01,
+    "far": 1000.0,
+    "image_height": 500,
+    "image_width": 600,
+    "look_at": (0.0, 0.0, 0.0),
+    "up_direction": (0.0, 0.0, 1.0),
+}
+POINTER = {
+    "type": "ScenePointerMessage",
+    "event_type": "click",
+    "ray_origin": (0.0, 0.0, 0.0),
+    "ray_direction": (0.0, 0.0, -1.0),
+    "screen_pos": ((0.5, 0.5),),
+    "modifier": None,
+}
+
+
+async def test_the_page_and_the_websocket_want_a_login(bridge):
+    async with bridge.http() as http:
+        page = await http.get("/scene/")
+        assert page.status_code == 401
+        assert page.json() == {"error": "Log in with a token first."}
+    with pytest.raises(InvalidStatus) as refusal:
+        async with bridge.websocket("/scene", token=None, origin=bridge.origin):
+            pass
+    assert refusal.value.response.status_code == 401
+    with pytest.raises(InvalidStatus) as refusal:
+        async with bridge.websocket("/scene", origin="https://evil.example"):
+            pass
+    assert refusal.value.response.status_code == 403
+
+
+async def test_the_page_is_visers_and_stays_connected_without_the_focus(bridge):
+    async with bridge.http(bridge.token(Role.VIEWER)) as http:
+        moved = await http.get("/scene")
+        assert (moved.status_code, moved.headers["location"]) == (308, "/scene/")
+        page = await http.get("/scene/")
+        again = await http.get("/scene/", headers={"If-None-Match": page.headers["etag"]})
+    assert page.status_code == 200
+    assert "<title>Viser</title>" in page.text
+    head = page.text.index("document.hasFocus = () => true")
+    assert head < page.text.index("</head>")
+    assert "frame-ancestors 'self'" in page.headers["content-security-policy"]
+    assert page.headers["cache-control"] == "private, no-cache"
+    assert again.status_code == 304
+
+
+async def test_the_websocket_speaks_visers_protocol(bridge):
+    async with bridge.websocket("/scene", subprotocols=[SUBPROTOCOL]) as viewer:
+        assert viewer.subprotocol == SUBPROTOCOL
+        async with asyncio.timeout(10):
+            first = await viewer.recv()
+        assert isinstance(first, bytes)
+        assert int.from_bytes(first[:8], "little") > 0  # the size of what is packed behind it
+
+
+async def test_a_viewer_whose_login_expires_is_cut_off(bridge, closing):
+    token = bridge.token(lifetime_s=2)
+    async with bridge.websocket("/scene", token=token, subprotocols=[SUBPROTOCOL]) as viewer:
+        assert await closing(viewer) == (4401, "Your login has expired. Log in again.")
+
+
+class TelemetryPeer:
+    """The robot's end of `/telemetry`: it tells what was asked of it, and sends what a test has it send."""
+
+    def __init__(self) -> None:
+        self.port = 0
+        self.asked: list[telemetry.Subscribe] = []
+        self.authorization = ""
+        self._connection: ServerConnection | None = None
+
+    async def handle(self, connection: ServerConnection) -> None:
+        self._connection = connection
+        self.authorization = connection.request.headers["Authorization"]
+        async for frame in connection:
+            self.asked.append(telemetry.decode_subscribe(frame))
+
+    async def send(self, *messages: telemetry.AnyMessage) -> None:
+        for message in messages:
+            await self._connection.send(telemetry.encode(message))
+
+    async def hang_up(self) -> None:
+        await self._connection.close()
+
+
+@pytest.fixture
+async def robot() -> AsyncIterator[TelemetryPeer]:
+    peer = TelemetryPeer()
+    async with serve(peer.handle, "127.0.0.1", 0, compression=None) as listening:
+        peer.port = next(iter(listening.sockets)).getsockname()[1]
+        yield peer
+
+
+@pytest.fixture
+async def scene(robot, wait_until) -> AsyncIterator[Scene]:
+    """A scene that follows the peer."""
+    scene = Scene("Sancho", f"ws://127.0.0.1:{robot.port}/telemetry", b"secret")
+    running = asyncio.create_task(scene.run())
+    await wait_until(lambda: robot.asked)
+    yield scene
+    running.cancel()
+    with contextlib.suppress(asyncio.CancelledError):
+        await running
+
+
+@pytest.fixture
+async def viewer_url(scene, wait_until) -> AsyncIterator[str]:
+    """Where viewers of that scene connect."""
+    gate = Gate(KEY, OriginPolicy("127.0.0.1"))
+    app = Starlette(routes=[WebSocketRoute("/scene", SceneSocket(gate, scene))])
+    server = uvicorn.Server(uvicorn.Config(app, port=0, ws="websockets-sansio", log_config=None))
+    serving = asyncio.create_task(server.serve())
+    await wait_until(lambda: server.started)
+    yield f"ws://127.0.0.1:{server.servers[0].sockets[0].getsockname()[1]}/scene"
+    server.should_exit = True
+    await serving
+
+
+def viewer(url: str, role: Role) -> connect:
+    token = identity.issue(KEY, "Ana", role, 60)
+    headers = {"Authorization": f"Bearer {token}"}
+    return connect(
+        url, additional_headers=headers, subprotocols=[SUBPROTOCOL], compression=None, max_size=None, proxy=None
+    )
+
+
+@pytest.mark.parametrize("role", list(Role))
+async def test_of_what_a_viewer_sends_only_the_camera_reaches_viser(scene, viewer_url, wait_until, role):
+    viser_server = scene._stage._server
+    clicks = []
+    viser_server._websock_server.register_handler(
+        viser._messages.ScenePointerMessage, lambda client, message: clicks.append(message)
+    )
+    async with viewer(viewer_url, role) as page:
+        for message in (POINTER, {"type": "ShareUrlRequest"}, {"no": "type"}, CAMERA):
+            await page.send(msgspec.msgpack.encode(message))
+        await page.send(b"\xc1 no msgpack")
+        await page.send("text")
+        client = await wait_until(lambda: list(viser_server.get_clients().values()))
+        assert client[0].camera.image_width == 600
+        assert clicks == []
+    # The same message does arrive where nothing stands between.
+    port = await scene.port()
+    direct = connect(f"ws://127.0.0.1:{port}/", subprotocols=[SUBPROTOCOL], max_size=None, proxy=None)
+    async with direct as page:
+        await page.send(msgspec.msgpack.encode(POINTER))
+        await wait_until(lambda: clicks)
+
+
+async def test_a_page_that_opens_is_shown_the_whole_map_in_its_own_shape(scene, robot, viewer_url, wait_until):
+    await robot.send(MAP)
+    await wait_until(lambda: scene._stage._grid)
+    async with viewer(viewer_url, Role.VIEWER) as page:
+        await page.send(msgspec.msgpack.encode(CAMERA))
+        client = (await wait_until(lambda: list(scene._stage._server.get_clients().values())))[0]
+        await wait_until(lambda: client.camera.position[2] > 4)
+        assert client.camera.position[0] == pytest.approx(2.0)  # the middle of the map
+
+
+async def test_the_robot_is_asked_for_much_only_while_somebody_looks(scene, robot, viewer_url, wait_until):
+    assert robot.authorization == "Bearer secret"
+    assert robot.asked[-1].rate == 2
+    assert "scan" not in robot.asked[-1].channels
+    async with viewer(viewer_url, Role.VIEWER):
+        await wait_until(lambda: robot.asked[-1].rate == 20 and "scan" in robot.asked[-1].channels)
+        async with viewer(viewer_url, Role.VIEWER):
+            pass
+        assert robot.asked[-1].rate == 20
+    await wait_until(lambda: robot.asked[-1].rate == 2)
+
+
+MAP = Map(
+    resolution=0.5,
+    width=8,
+    height=6,
+    origin_x=0.0,
+    origin_y=0.0,
+    cells=bytes([100] * 8 + [0] * 32 + [100] * 8),
+    places=[Place("k", "kitchen", "space", Pose(1.0, 1.5, 0.0))],
+)
+
+
+def state(**changes) -> State:
+    values = {
+        "time": 1.0,
+        "robot": "Sancho",
+        "pose": Pose(1.0, 2.0, 1.5),
+        "twist": Twist(0.0, 0.0),
+        "battery": Battery(0.8, False),
+        "motion": None,
+        "stop": None,
+        "speaking": None,
+    }
+    return State(**(values | changes))
+
+
+async def test_the_scene_shows_what_the_telemetry_says(scene, robot, wait_until):
+    stage = scene._stage
+    await robot.send(MAP, state())
+    await wait_until(lambda: stage._robot.visible)
+    assert tuple(stage._robot.position) == (1.0, 2.0, 0.0)
+    assert stage._label.text == "Sancho"
+    assert [label.text for label in stage._places] == ["kitchen"]
+    assert stage._walls.vertices.max() == pytest.approx(4.0)
+    assert not stage._notice.visible
+    assert not stage._goal.visible
+
+    goal = Motion("navigate", Pose(3.0, 1.0, 0.0), "kitchen", 2.0, 4.0)
+    await robot.send(Path(1.0, [(1, 2), (3, 1)]), state(motion=goal))
+    await wait_until(lambda: stage._goal.visible)
+    assert tuple(stage._goal.position) == (3.0, 1.0, 0.0)
+    assert stage._path.visible
+
+    await robot.send(Path(1.0, [(1, 2), (2, 2)], preview=True), state())
+    await wait_until(lambda: stage._preview.visible)
+    assert not stage._goal.visible
+
+    await robot.send(state(speaking="The meeting is at noon."))
+    await wait_until(lambda: stage._label.text == "Sancho: “The meeting is at noon.”")
+    await robot.send(state(stop=Stop("Ana", 1.0)))
+    await wait_until(lambda: stage._label.text == "Sancho · stopped by Ana")
+
+    scan = Scan(1.0, Pose(0.5, 0.5, 0.0), 0.0, 0.1, 10.0, [1.0, 2.0, 10.0])
+    await robot.send(scan)
+    await wait_until(lambda: len(stage._points.points) == 2)
+    assert tuple(stage._laser.position) == (0.5, 0.5, 0.0)
+
+
+async def test_standing_still_costs_viser_nothing(scene, robot, wait_until):
+    stage = scene._stage
+    buffer = stage._server._websock_server._broadcast_buffer
+    await robot.send(MAP, state())
+    await wait_until(lambda: stage._robot.visible)
+    before = buffer.message_counter
+    await robot.send(*[state(time=float(i)) for i in range(50)], MAP, state(pose=Pose(1.5, 2.0, 1.5)))
+    await wait_until(lambda: tuple(stage._robot.position) == (1.5, 2.0, 0.0))
+    assert buffer.message_counter == before + 1
+
+
+async def test_while_the_robot_is_gone_the_scene_says_so_and_comes_back(scene, robot, wait_until):
+    stage = scene._stage
+    await robot.send(state())
+    await wait_until(lambda: not stage._notice.visible)
+    await robot.hang_up()
+    await wait_until(lambda: stage._notice.visible)
+    assert stage._notice.text == "Sancho is not connected. Trying again."
+    asked = len(robot.asked)
+    await wait_until(lambda: len(robot.asked) > asked)
+    await robot.send(state())
+    await wait_until(lambda: not stage._notice.visible)
+
+
+async def test_a_message_that_is_none_is_dropped_and_the_next_one_shown(scene, robot, wait_until, caplog):
+    await robot._connection.send(b"\xc1")
+    await robot._connection.send(msgspec.msgpack.encode({"type": "state"}))
+    await robot.send(state())
+    await wait_until(lambda: scene._stage._robot.visible)
+    assert caplog.text.count("dropped a telemetry message") == 2

@@ -1,0 +1,238 @@
+"""Starts the real commands on free ports of the loopback, waits until they answer, and ends them."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import AsyncIterator, Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from websockets.asyncio.client import connect
+
+from backend import identity, telemetry
+from backend.chat.link import Link, open_link
+from backend.identity import Role
+
+PATIENCE_S = 30.0
+"""After so long a condition that is waited for has failed."""
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def wait_until(condition: Callable[[], Any], what: str, seconds: float = PATIENCE_S) -> Any:
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        if value := condition():
+            return value
+        time.sleep(0.02)
+    raise AssertionError(f"waited {seconds:g} s for {what}")
+
+
+def listens(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+@dataclass
+class Robot:
+    """The three addresses and the data folder of one robot, and the processes that were started for it."""
+
+    data: Path
+    environment: dict[str, str] = field(default_factory=dict)
+    robot_port: int = field(default_factory=free_port)
+    agent_port: int = field(default_factory=free_port)
+    bridge_port: int = field(default_factory=free_port)
+
+    @property
+    def variables(self) -> dict[str, str]:
+        kept = {k: v for k, v in os.environ.items() if not k.startswith("ROBOT_ACP_") and not k.endswith("_KEY")}
+        return kept | {
+            "ROBOT_ACP_DATA_DIR": str(self.data),
+            "ROBOT_ACP_ROBOT__PORT": str(self.robot_port),
+            "ROBOT_ACP_AGENT__PORT": str(self.agent_port),
+            "ROBOT_ACP_BRIDGE__PORT": str(self.bridge_port),
+            **self.environment,
+        }
+
+    @staticmethod
+    def command(*arguments: str) -> list[str]:
+        return [sys.executable, "-m", "backend.cli", *arguments]
+
+    def spawn(self, *arguments: str, **options: Any) -> subprocess.Popen[str]:
+        return subprocess.Popen(self.command(*arguments), env=self.variables, text=True, **options)
+
+    @contextlib.contextmanager
+    def running(self, *arguments: str, port: int) -> Iterator[subprocess.Popen[str]]:
+        process = self.spawn(*arguments)
+        try:
+            wait_until(lambda: listens(port), f"`robot-acp {' '.join(arguments)}` to answer")
+            yield process
+        finally:
+            end(process)
+
+    def token(self, name: str, role: Role, seconds: float = 3600.0) -> str:
+        return identity.issue(identity.shared_secret(self.data, identity.SIGNING_KEY), name, role, seconds)
+
+    @property
+    def robot_headers(self) -> dict[str, str]:
+        return {"Authorization": f"Bearer {identity.shared_secret(self.data, identity.ROBOT_TOKEN).decode()}"}
+
+    @contextlib.asynccontextmanager
+    async def watched(self) -> AsyncIterator[Watched]:
+        """The robot's own telemetry, recorded while the context lasts."""
+        url = f"ws://127.0.0.1:{self.robot_port}/telemetry"
+        async with connect(url, additional_headers=self.robot_headers) as wire:
+            await wire.send(telemetry.encode(telemetry.Subscribe(["state", "speech", "path"], rate=50.0)))
+            record = Watched()
+
+            async def read() -> None:
+                async for frame in wire:
+                    assert isinstance(frame, bytes)
+                    record.take(telemetry.decode(frame))
+
+            reader = asyncio.create_task(read())
+            try:
+                await record.until(lambda: record.states, "the robot's state")
+                yield record
+            finally:
+                reader.cancel()
+                await asyncio.gather(reader, return_exceptions=True)
+
+
+@dataclass
+class Watched:
+    """What the robot itself told: its states with the wall time of their arrival, and what it said."""
+
+    states: list[tuple[float, telemetry.State]] = field(default_factory=list)
+    spoken: list[str] = field(default_factory=list)
+    previews: int = 0
+
+    def take(self, message: telemetry.AnyMessage) -> None:
+        if isinstance(message, telemetry.State):
+            self.states.append((time.monotonic(), message))
+        elif isinstance(message, telemetry.Speech):
+            self.spoken.append(message.text)
+        elif isinstance(message, telemetry.Path) and message.preview and message.points:
+            self.previews += 1
+
+    @property
+    def state(self) -> telemetry.State:
+        return self.states[-1][1]
+
+    @property
+    def speed(self) -> float:
+        return abs(self.state.twist.linear)
+
+    def distance_to(self, x: float, y: float) -> float:
+        return float(((self.state.pose.x - x) ** 2 + (self.state.pose.y - y) ** 2) ** 0.5)
+
+    async def until(self, condition: Callable[[], Any], what: str, seconds: float = PATIENCE_S) -> Any:
+        return await eventually(condition, what, seconds)
+
+
+async def eventually(condition: Callable[[], Any], what: str, seconds: float = PATIENCE_S) -> Any:
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        if value := condition():
+            return value
+        await asyncio.sleep(0.005)
+    raise AssertionError(f"waited {seconds:g} s for {what}")
+
+
+def end(process: subprocess.Popen[str], number: int = signal.SIGTERM) -> int:
+    """End a process that a test started, and return its exit status; killed after the time limit, which fails."""
+    if process.poll() is None:
+        process.send_signal(number)
+    try:
+        return process.wait(PATIENCE_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+        raise AssertionError("the process did not end") from None
+
+
+@dataclass
+class Client:
+    """An ACP client that keeps everything it hears, and answers permission questions with `answer`."""
+
+    link: Link
+    heard: list[dict[str, Any]] = field(default_factory=list)
+    questions: list[dict[str, Any]] = field(default_factory=list)
+    answer: str | None = "allow_once"
+    session: str = ""
+    _tasks: set[asyncio.Task[None]] = field(default_factory=set)
+
+    @classmethod
+    async def open(
+        cls, address: str, token: str | None = None, capabilities: dict[str, Any] | None = None, **options: Any
+    ) -> Client:
+        client: Client
+        link = await open_link(address, token, lambda message: client._take(message))
+        client = cls(link, **options)
+        await link.request("initialize", {"protocolVersion": 1, "clientCapabilities": capabilities or {}})
+        return client
+
+    def _take(self, message: dict[str, Any]) -> None:
+        self.heard.append(message)
+        if message["method"] == "session/request_permission":
+            self.questions.append(message)
+            if self.answer is not None:
+                self.later(self.decide(self.answer))
+
+    def later(self, work: Any) -> asyncio.Task[Any]:
+        task = asyncio.ensure_future(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return task
+
+    async def decide(self, option: str, question: int = -1) -> None:
+        outcome = {"outcome": {"outcome": "selected", "optionId": option}}
+        await self.link.respond(self.questions[question]["id"], outcome)
+
+    async def new(self) -> str:
+        answer = await self.link.request("session/new", {"cwd": "/", "mcpServers": []})
+        self.session = answer["sessionId"]
+        return self.session
+
+    async def load(self, session: str) -> dict[str, Any]:
+        self.session = session
+        return await self.link.request("session/load", {"sessionId": session, "cwd": "/", "mcpServers": []})
+
+    async def prompt(self, text: str) -> str:
+        blocks = [{"type": "text", "text": text}]
+        answer = await self.link.request("session/prompt", {"sessionId": self.session, "prompt": blocks})
+        return str(answer["stopReason"])
+
+    async def cancel(self) -> None:
+        await self.link.notify("session/cancel", {"sessionId": self.session})
+
+    @property
+    def updates(self) -> list[dict[str, Any]]:
+        return [m["params"]["update"] for m in self.heard if m["method"] == "session/update"]
+
+    @property
+    def numbers(self) -> list[int]:
+        return [m["params"]["_meta"]["robot-acp/seq"] for m in self.heard if m["method"] == "session/update"]
+
+    def of(self, kind: str) -> list[dict[str, Any]]:
+        return [u for u in self.updates if u["sessionUpdate"] == kind]
+
+    @property
+    def said(self) -> str:
+        return "".join(u["content"]["text"] for u in self.of("agent_message_chunk"))
+
+    async def close(self) -> None:
+        await self.link.close()
+        await asyncio.gather(*self._tasks, return_exceptions=True)

@@ -1,0 +1,65 @@
+/** A question is answered once, and only a person's choice of an option that allows allows. */
+import type { RequestPermissionRequest } from "@agentclientprotocol/sdk";
+import { beforeEach, expect, it } from "vitest";
+import { getState, INITIAL, setState } from "../state/store";
+import { ask, closeQuestion } from "./questions";
+
+const REQUEST: RequestPermissionRequest = {
+  sessionId: "s1",
+  toolCall: { toolCallId: "c3", title: "Say aloud: “Hello.”" },
+  options: [
+    { optionId: "allow_once", name: "Allow", kind: "allow_once" },
+    { optionId: "reject_once", name: "Don't", kind: "reject_once" },
+  ],
+  _meta: { "robot-acp/asker": "Ana", "robot-acp/timeout_s": 60 },
+};
+
+beforeEach(() => setState(INITIAL));
+
+it("shows who asks for what, and for how long", () => {
+  void ask(REQUEST, new AbortController().signal);
+  const [question] = getState().questions;
+  expect(question).toMatchObject({
+    title: "Say aloud: “Hello.”",
+    asker: "Ana",
+    toolCallId: "c3",
+    timeoutS: 60,
+  });
+  expect((question?.expiresAt ?? 0) - Date.now()).toBeGreaterThan(58_000);
+});
+
+it("gives the chosen option to the agent and goes", async () => {
+  const answer = ask(REQUEST, new AbortController().signal);
+  getState().questions[0]?.answer({ outcome: { outcome: "selected", optionId: "allow_once" } });
+  await expect(answer).resolves.toEqual({ outcome: { outcome: "selected", optionId: "allow_once" } });
+  expect(getState().questions).toEqual([]);
+});
+
+it("goes, unanswered, when the agent withdraws it", async () => {
+  const withdrawn = new AbortController();
+  const answer = ask(REQUEST, withdrawn.signal);
+  withdrawn.abort();
+  await expect(answer).resolves.toEqual({ outcome: { outcome: "cancelled" } });
+  expect(getState().questions).toEqual([]);
+});
+
+it("goes when somebody else has decided on the same call, and on no other", async () => {
+  const answer = ask(REQUEST, new AbortController().signal);
+  closeQuestion("s1", "c1");
+  closeQuestion("s2", "c3");
+  expect(getState().questions).toHaveLength(1);
+  closeQuestion("s1", "c3");
+  await expect(answer).resolves.toEqual({ outcome: { outcome: "cancelled" } });
+});
+
+it("uses the agent's clock where it is ahead or behind", () => {
+  setState({ clockOffsetMs: 3_600_000 });
+  const expires = new Date(Date.now() + 3_600_000 + 30_000).toISOString();
+  void ask(
+    { ...REQUEST, _meta: { ...REQUEST._meta, "robot-acp/expires": expires } },
+    new AbortController().signal,
+  );
+  const left = (getState().questions[0]?.expiresAt ?? 0) - Date.now();
+  expect(left).toBeGreaterThan(28_000);
+  expect(left).toBeLessThan(31_000);
+});

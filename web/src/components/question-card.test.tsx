@@ -1,0 +1,87 @@
+/** Allowing takes an act of will. */
+import type { RequestPermissionResponse } from "@agentclientprotocol/sdk";
+import { act, fireEvent, render, screen } from "@testing-library/react";
+import { beforeEach, describe, expect, it, vi } from "vitest";
+import { INITIAL, setState, type Question } from "../state/store";
+import { QuestionCard } from "./question-card";
+
+const answers: RequestPermissionResponse[] = [];
+
+const QUESTION: Question = {
+  key: "q1",
+  sessionId: "s1",
+  toolCallId: "c3",
+  title: "Say aloud: “The meeting is at noon.”",
+  asker: "Ana",
+  options: [
+    { optionId: "allow_once", name: "Allow", kind: "allow_once" },
+    { optionId: "allow_always", name: "Allow speech in this session", kind: "allow_always" },
+    { optionId: "reject_once", name: "Don't", kind: "reject_once" },
+    { optionId: "reject_always", name: "Never speak in this session", kind: "reject_always" },
+  ],
+  expiresAt: null,
+  timeoutS: null,
+  answer: (response) => answers.push(response),
+};
+
+beforeEach(() => {
+  vi.useFakeTimers();
+  vi.stubGlobal(
+    "ResizeObserver",
+    class {
+      observe() {}
+      unobserve() {}
+      disconnect() {}
+    },
+  );
+  answers.length = 0;
+  setState({
+    ...INITIAL,
+    currentId: "s1",
+    auth: { status: "in", me: { name: "Ana", role: "supervisor", robot: "Sancho" } },
+  });
+  render(<QuestionCard question={QUESTION} count={1} />);
+  return () => vi.useRealTimers();
+});
+
+const later = (ms: number): void => {
+  act(() => void vi.advanceTimersByTime(ms));
+};
+
+describe("the question", () => {
+  it("says who asks for what in plain words", () => {
+    const card = screen.getByRole("alertdialog", { name: "Sancho asks" });
+    expect(card.textContent).toContain("Say aloud: “The meeting is at noon.”");
+    expect(card.textContent).toContain("asked by you");
+  });
+
+  it("puts the focus on the safe answer", () => {
+    expect(document.activeElement).toBe(screen.getByTestId("permission-reject"));
+  });
+
+  it("cannot be allowed in its first moment", () => {
+    const allow = screen.getByTestId("permission-allow");
+    later(350);
+    fireEvent.click(allow, { detail: 1 });
+    expect(answers).toEqual([]);
+    later(100);
+    fireEvent.click(allow, { detail: 1 });
+    expect(answers).toEqual([{ outcome: { outcome: "selected", optionId: "allow_once" } }]);
+  });
+
+  it("ignores a key that was meant for what had the focus before", () => {
+    const dont = screen.getByTestId("permission-reject");
+    fireEvent.click(dont, { detail: 0 });
+    expect(answers).toEqual([]);
+    later(450);
+    fireEvent.click(dont, { detail: 0 });
+    expect(answers).toEqual([{ outcome: { outcome: "selected", optionId: "reject_once" } }]);
+  });
+
+  it("answers for the session when that is ticked", () => {
+    later(450);
+    fireEvent.click(screen.getByRole("checkbox"));
+    fireEvent.click(screen.getByTestId("permission-reject"), { detail: 1 });
+    expect(answers).toEqual([{ outcome: { outcome: "selected", optionId: "reject_always" } }]);
+  });
+});
