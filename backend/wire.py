@@ -69,14 +69,14 @@ def check(raw: bytes, limit: int = MAX_FRAME_BYTES) -> Frame:
     """Check one message. Raises `BadFrame` with the JSON-RPC error that the specification asks for."""
     if len(raw) > limit:
         raise FrameTooLarge(limit)
-    if raw.count(b"[") + raw.count(b"{") > MAX_DEPTH and _depth_exceeds(raw, MAX_DEPTH):
-        raise BadFrame(INVALID_REQUEST, f"The message is nested deeper than {MAX_DEPTH} levels.")
     try:
         body = orjson.loads(raw)
-    except orjson.JSONDecodeError:
+    except orjson.JSONDecodeError:  # orjson itself reads no deeper than 1024 levels
         raise BadFrame(PARSE_ERROR, "The message is not valid JSON in UTF-8.") from None
     if not isinstance(body, dict):
         raise BadFrame(INVALID_REQUEST, "A message must be one JSON object; batches are not supported.")
+    if raw.count(b"[") + raw.count(b"{") > MAX_DEPTH and _deeper(body, MAX_DEPTH):
+        raise BadFrame(INVALID_REQUEST, f"The message is nested deeper than {MAX_DEPTH} levels.")
     return _shape(body, raw)
 
 
@@ -109,27 +109,19 @@ def _valid_id(value: object) -> bool:
     return value is None or isinstance(value, int) or (isinstance(value, str) and len(value) <= MAX_ID_CHARS)
 
 
-def _depth_exceeds(raw: bytes, limit: int) -> bool:
-    """Whether brackets outside strings nest deeper than `limit`: a scan that cannot itself run out of stack."""
-    depth = 0
-    in_string = escaped = False
-    for byte in raw:
-        if in_string:
-            if escaped:
-                escaped = False
-            elif byte == 0x5C:
-                escaped = True
-            elif byte == 0x22:
-                in_string = False
-        elif byte == 0x22:
-            in_string = True
-        elif byte in b"[{":
-            depth += 1
-            if depth > limit:
-                return True
-        elif byte in b"]}":
-            depth -= 1
-    return False
+def _deeper(body: dict[str, Any], limit: int) -> bool:
+    """Whether objects and arrays nest deeper than `limit`, one level at a time."""
+    level: list[Any] = [body]
+    for _ in range(limit):
+        level = [
+            value
+            for container in level
+            for value in (container.values() if type(container) is dict else container)
+            if type(value) is dict or type(value) is list
+        ]
+        if not level:
+            return False
+    return True
 
 
 def with_identity(frame: Frame, token: str) -> bytes:

@@ -170,9 +170,7 @@ class Measurement:
         self._writer.close()
 
 
-async def measure(
-    measurement: Awaitable[Measurement], processes: list[int], rounds: int, updates: int
-) -> None:
+async def measure(measurement: Awaitable[Measurement], processes: list[int], rounds: int, updates: int) -> None:
     """Print one report. `processes` are the ids of all that take part."""
     taken = await measurement
     placed = os.sched_getaffinity(0)
@@ -181,9 +179,7 @@ async def measure(
             os.sched_setaffinity(process, cores)
         direct, bridged = await taken.round_trips(rounds)
         added = bridged - direct
-        print(
-            f"round trip, {place:12}: direct {direct:.3f} ms, bridged {bridged:.3f} ms, added {added:.3f} ms"
-        )
+        print(f"round trip, {place:12}: direct {direct:.3f} ms, bridged {bridged:.3f} ms, added {added:.3f} ms")
     print(f"updates, agent to client: {await taken.updates_per_second(updates):,.0f} a second")
     taken.close()
 

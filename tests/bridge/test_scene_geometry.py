@@ -6,15 +6,19 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from backend.bridge.scene import camera, robot, shapes
 
+calmly = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+"""A busy machine is no failure."""
+
 MASKS = arrays.arrays(np.bool_, st.tuples(st.integers(1, 12), st.integers(1, 12)))
 
 
+@calmly
 @given(MASKS)
 def test_rectangles_cover_every_occupied_cell_once_and_no_other(mask):
     covered = np.zeros(mask.shape, int)
@@ -118,6 +122,7 @@ def seen(view: camera.View, point: tuple[float, float, float], aspect: float) ->
     )
 
 
+@calmly
 @given(st.floats(-50, 50), st.floats(-50, 50), st.floats(1, 80), st.floats(1, 80), st.floats(0.3, 4.0))
 def test_the_whole_map_is_seen_in_every_pane(x, y, width, depth, aspect):
     view = camera.fitting((x, y, x + width, y + depth), aspect)

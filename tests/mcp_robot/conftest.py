@@ -52,7 +52,9 @@ class Served:
 
     @contextlib.asynccontextmanager
     async def telemetry(self, *channels: telemetry.Channel, rate: float = 20.0) -> AsyncIterator[Reader]:
-        async with connect(f"ws://127.0.0.1:{self.port}/telemetry", additional_headers=self.headers) as socket:
+        address = f"ws://127.0.0.1:{self.port}/telemetry"
+        # No limit on what lies unread: with one, a test that stops reading waits ten seconds for its own close.
+        async with connect(address, additional_headers=self.headers, max_queue=None) as socket:
             reader = Reader(socket)
             assert isinstance(await reader.next(), telemetry.Hello)
             await reader.subscribe(*channels, rate=rate)

@@ -27,15 +27,18 @@ export type LinkState =
   | { status: "off" };
 
 export interface LinkEvents {
-  onState(state: LinkState): void;
-  onUpdate(notification: SessionNotification): void;
-  onTelemetry(telemetry: Telemetry): void;
+  onState: (state: LinkState) => void;
+  onUpdate: (notification: SessionNotification) => void;
+  onTelemetry: (telemetry: Telemetry) => void;
   /** A question; `withdrawn` aborts when the agent takes it back or the connection is lost. */
-  onQuestion(request: RequestPermissionRequest, withdrawn: AbortSignal): Promise<RequestPermissionResponse>;
+  onQuestion: (
+    request: RequestPermissionRequest,
+    withdrawn: AbortSignal,
+  ) => Promise<RequestPermissionResponse>;
   /** The agent answers: open the session. The connection counts as good when this has resolved. */
-  onOpen(agent: ClientContext, hello: InitializeResponse): Promise<void>;
+  onOpen: (agent: ClientContext, hello: InitializeResponse) => Promise<void>;
   /** The connection is gone or never came to be; another attempt follows unless somebody calls `end`. */
-  onLost(): void;
+  onLost: () => void;
 }
 
 export class Link {

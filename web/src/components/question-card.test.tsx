@@ -5,6 +5,13 @@ import { beforeEach, describe, expect, it, vi } from "vitest";
 import { INITIAL, setState, type Question } from "../state/store";
 import { QuestionCard } from "./question-card";
 
+/** jsdom lays nothing out, so there is nothing to observe. */
+class Observer {
+  observe = vi.fn();
+  unobserve = vi.fn();
+  disconnect = vi.fn();
+}
+
 const answers: RequestPermissionResponse[] = [];
 
 const QUESTION: Question = {
@@ -26,14 +33,7 @@ const QUESTION: Question = {
 
 beforeEach(() => {
   vi.useFakeTimers();
-  vi.stubGlobal(
-    "ResizeObserver",
-    class {
-      observe() {}
-      unobserve() {}
-      disconnect() {}
-    },
-  );
+  vi.stubGlobal("ResizeObserver", Observer);
   answers.length = 0;
   setState({
     ...INITIAL,

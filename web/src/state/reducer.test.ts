@@ -252,7 +252,12 @@ describe("the plan", () => {
     note({ sessionUpdate: "plan", entries: [{ content: "Go", priority: "medium", status }] });
 
   it("changes in its place during a turn", () => {
-    const state = play([note(ASKED), planOf("pending"), note(P1[5] as SessionUpdate), planOf("completed")]);
+    const state = play([
+      note(ASKED),
+      planOf("pending"),
+      note({ sessionUpdate: "tool_call", toolCallId: "c1", title: "Read the map" }),
+      planOf("completed"),
+    ]);
     expect(state.items.map((item) => item.kind)).toEqual(["user", "plan", "tool"]);
     expect(state.items[1]).toMatchObject({ entries: [{ status: "completed" }] });
   });

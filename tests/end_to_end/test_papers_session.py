@@ -1,0 +1,172 @@
+"""The paper's session, P1 to P4, in Chromium against what `robot-acp up` starts, at the robot's real speed.
+
+What counts is what the robot did: its own telemetry says where it drove and what it said. A terminal client watches the
+same session over TCP all the while.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+from playwright.async_api import Page, expect
+
+from tests.end_to_end.conftest import Opener, Up
+from tests.processes import Client, Watched, eventually
+
+HALT_S = 0.3
+
+
+class Terminal:
+    """`robot-acp chat --json` in a process of its own, joined to the newest session."""
+
+    def __init__(self, process: asyncio.subprocess.Process) -> None:
+        self.process = process
+        self.heard: list[dict[str, Any]] = []
+        self._reader = asyncio.create_task(self._read())
+
+    @classmethod
+    async def join(cls, up: Up, session: str) -> Terminal:
+        process = await asyncio.create_subprocess_exec(
+            *up.robot.command("chat", f"tcp://127.0.0.1:{up.robot.agent_port}", "--session", session, "--json"),
+            env=up.robot.variables,
+            stdin=asyncio.subprocess.PIPE,
+            stdout=asyncio.subprocess.PIPE,
+            limit=2**26,
+        )
+        return cls(process)
+
+    async def _read(self) -> None:
+        assert self.process.stdout is not None
+        async for line in self.process.stdout:
+            self.heard.append(json.loads(line))
+
+    @property
+    def events(self) -> list[tuple[int, dict[str, Any]]]:
+        updates = [m["params"] for m in self.heard if m.get("method") == "session/update"]
+        return [(p["_meta"]["robot-acp/seq"], p["update"]) for p in updates]
+
+    def turn_ends(self) -> list[str]:
+        metas = [update.get("_meta") or {} for _, update in self.events]
+        turns = [meta["robot-acp/turn"] for meta in metas if "robot-acp/turn" in meta]
+        return [turn["stopReason"] for turn in turns if turn["state"] == "ended"]
+
+    async def leave(self) -> None:
+        assert self.process.stdin is not None
+        self.process.stdin.close()
+        await self.process.wait()
+        await self._reader
+
+
+async def ask(page: Page, text: str) -> None:
+    await page.get_by_test_id("composer").fill(text)
+    await page.get_by_test_id("send").click()
+
+
+async def answer(page: Page, sentence: str, allow: bool) -> None:
+    question = page.get_by_test_id("permission")
+    await expect(question).to_contain_text(f"Say aloud: “{sentence}”", timeout=90_000)
+    await page.get_by_test_id("permission-allow" if allow else "permission-reject").click()
+
+
+async def finished(terminal: Terminal, turns: int) -> None:
+    await eventually(lambda: len(terminal.turn_ends()) == turns, f"the end of turn {turns}", 90)
+
+
+async def place_of(client: Client, name: str) -> tuple[float, float]:
+    """Where a place is, from the map that the agent read in this session."""
+    await eventually(lambda: any("nodes" in (u.get("rawOutput") or {}) for u in client.updates), "the map")
+    update = next(u for u in client.updates if "nodes" in (u.get("rawOutput") or {}))
+    where = next(n["position"] for n in update["rawOutput"]["nodes"] if n["name"] == name)
+    return where["x"], where["y"]
+
+
+async def cancel_and_time(page: Page, watched: Watched) -> float:
+    """Click Cancel, and return the seconds of wall time until the robot itself says that it stands."""
+    clicked_at = await page.get_by_test_id("cancel").evaluate(
+        "button => { const t = Date.now(); button.click(); return t }"
+    )
+    await watched.until(lambda: watched.speed == 0, "the robot to halt", 5)
+    # Both clocks are this machine's; the states carry the time of their arrival.
+    offset = time.time() - time.monotonic()
+    halted_at = next(at for at, state in watched.states if at + offset > clicked_at / 1000 and state.twist.linear == 0)
+    return halted_at + offset - clicked_at / 1000
+
+
+async def test_the_papers_session(up: Up, open_page: Opener, pictures: Path) -> None:
+    page = await open_page(up.login_url)
+    await expect(page.get_by_test_id("robot-state")).to_contain_text("ready")
+    assert "token" not in page.url
+    observer = await Client.open(f"tcp://127.0.0.1:{up.robot.agent_port}", answer=None)
+
+    async with up.robot.watched() as watched:
+        start = watched.state.pose
+
+        # P1: thought first, the map, a drive with progress, a question, and only then speech.
+        await ask(page, "Go to lab 2.3.7 and tell them that the meeting is at noon")
+        await expect(page.get_by_test_id("thought").first).to_contain_text("look lab 2.3.7 up")
+        listed = await observer.link.request("session/list", {})
+        session = listed["sessions"][0]["sessionId"]
+        terminal = await Terminal.join(up, session)
+        await observer.load(session)
+        driving = page.get_by_test_id("tool-card").filter(has_text="Drive to lab 2.3.7")
+        await expect(driving).to_contain_text("m to go, about")
+        await expect(page.get_by_test_id("robot-state")).to_contain_text("driving to lab 2.3.7")
+        await page.screenshot(path=pictures / "driving.png")
+        await expect(page.get_by_test_id("permission")).to_be_visible(timeout=90_000)
+        assert watched.spoken == []
+        lab = await place_of(observer, "lab 2.3.7")
+        assert watched.distance_to(*lab) < 0.3
+        await answer(page, "The meeting is at noon.", allow=True)
+        await finished(terminal, 1)
+        assert watched.spoken == ["The meeting is at noon."]
+        await expect(page.get_by_test_id("agent-message").last).to_contain_text("I said: “The meeting is at noon.”")
+        first = [update["sessionUpdate"] for _, update in terminal.events]
+        assert first[:2] == ["user_message_chunk", "agent_thought_chunk"]
+
+        # P2: on the way back, Cancel.
+        await ask(page, "Go back to where you started")
+        await watched.until(lambda: watched.speed > 0.5, "the robot to drive back")
+        await watched.until(lambda: watched.distance_to(*lab) > 4, "the robot to be on its way")
+        took = await cancel_and_time(page, watched)
+        assert took < HALT_S
+        await finished(terminal, 2)
+        assert terminal.turn_ends()[-1] == "cancelled"
+        assert watched.distance_to(*lab) > 3
+        assert watched.distance_to(start.x, start.y) > 3
+        halted = watched.state.pose
+        await expect(page.get_by_test_id("conversation")).to_contain_text("Cancelled.")
+
+        # P3: two new messages; the first is refused, the second allowed.
+        await ask(
+            page, "Go to lab 2.3.7, tell them that it moved to one o'clock, and then tell them that lunch is at two"
+        )
+        await answer(page, "It moved to one o'clock.", allow=False)
+        await answer(page, "Lunch is at two.", allow=True)
+        await finished(terminal, 3)
+        assert watched.spoken == ["The meeting is at noon.", "Lunch is at two."]
+        assert watched.distance_to(*lab) < 0.3
+        await expect(page.get_by_test_id("agent-message").last).to_contain_text(
+            "I did not say “It moved to one o'clock.”: refused by supervisor."
+        )
+
+        # P4: home.
+        await ask(page, "Go back to where you started")
+        await finished(terminal, 4)
+        assert watched.distance_to(start.x, start.y) < 0.3
+        assert (halted.x - start.x) ** 2 + (halted.y - start.y) ** 2 > 9
+        assert watched.spoken == ["The meeting is at noon.", "Lunch is at two."]
+    assert terminal.turn_ends() == ["end_turn", "cancelled", "end_turn", "end_turn"]
+
+    # The terminal saw every event of the browser's turns, in order: what the log holds, each once.
+    archive = await Client.open(f"tcp://127.0.0.1:{up.robot.agent_port}", answer=None)
+    await archive.load(session)
+    assert terminal.events == list(zip(archive.numbers, archive.updates, strict=True))
+    assert [number for number, _ in terminal.events] == list(range(1, len(terminal.events) + 1))
+    assert observer.updates == archive.updates
+    await terminal.leave()
+    await observer.close()
+    await archive.close()
