@@ -72,6 +72,10 @@ class DirectWebSocket(WebSocketsSansIOProtocol):
         self.read_paused = False
         self.transport.resume_reading()
 
+    def unsent(self) -> int:
+        """Bytes that wait for the peer to read."""
+        return self.transport.get_write_buffer_size()
+
     def abort(self) -> None:
         """Cut the connection, with whatever still waits to be sent."""
         self.transport.abort()

@@ -18,7 +18,7 @@ from backend.bridge.upstream import Upstream
 
 FIRST_FRAME_SECONDS = 30.0
 STALL_SECONDS = 15.0
-"""How long a side may stay too full to take anything before the connection is cut."""
+"""How long a side may take nothing of what waits for it before the connection is cut."""
 
 _ONE_LINE = bytes.maketrans(b"\r\n", b"  ")
 
@@ -43,7 +43,8 @@ class Relay:
     def begin(self, agent: Upstream) -> None:
         """Take what the client says from here on."""
         self._agent = agent
-        self._time_limit("first frame", FIRST_FRAME_SECONDS, "The client did not begin with initialize.")
+        late = End(POLICY_VIOLATION, "The client did not begin with initialize.")
+        self._start_timer("first frame", FIRST_FRAME_SECONDS, lambda: self._finish(late))
         self._client.take_over(self)
 
     async def ended(self) -> End:
@@ -79,10 +80,10 @@ class Relay:
             return
         if slow:
             self._agent.pause_reading()
-            self._time_limit("client", STALL_SECONDS, "The client does not read.", then=self._client.abort)
+            self._watch("client", self._client.unsent, self._cut_off)
         else:
             self._agent.resume_reading()
-            self._in_time("client")
+            self._stop_timer("client")
 
     # What the agent's side calls.
 
@@ -99,23 +100,26 @@ class Relay:
 
     def agent_slow(self, slow: bool) -> None:
         """Let the client wait for an agent that is behind."""
+        if self._agent is None:
+            return
         if slow:
             self._client.pause_reading()
-            self._time_limit("agent", STALL_SECONDS, "The agent does not respond.", code=TRY_AGAIN_LATER)
+            end = End(TRY_AGAIN_LATER, "The agent does not respond.")
+            self._watch("agent", self._agent.unsent, lambda: self._finish(end))
         else:
             self._client.resume_reading()
-            self._in_time("agent")
+            self._stop_timer("agent")
 
     def agent_gone(self) -> None:
         """End, so that the client can connect anew."""
         self._finish(End(SERVICE_RESTART, "The agent has stopped."))
 
-    # What is left.
+    # What only this class calls.
 
     def _begins_well(self, frame: wire.Frame) -> bool:
         if frame.method == "initialize":
             self._initialized = True
-            self._in_time("first frame")
+            self._stop_timer("first frame")
             return True
         sentence = "The first message must be initialize."
         request_id = frame.id if frame.kind == "request" else None
@@ -131,23 +135,27 @@ class Relay:
             return frame.raw.translate(_ONE_LINE)
         return frame.raw
 
-    def _time_limit(
-        self,
-        what: str,
-        seconds: float,
-        reason: str,
-        *,
-        code: int = POLICY_VIOLATION,
-        then: Callable[[], None] = lambda: None,
-    ) -> None:
-        def over() -> None:
-            self._finish(End(code, reason))
-            then()
+    def _watch(self, what: str, unsent: Callable[[], int], stalled: Callable[[], None]) -> None:
+        """Call `stalled` once a whole STALL_SECONDS has taken nothing off `unsent`: slow is not stalled."""
+        before = unsent()
 
-        self._in_time(what)
-        self._timers[what] = self._loop.call_later(seconds, over)
+        def look() -> None:
+            if unsent() < before:
+                self._watch(what, unsent, stalled)
+            else:
+                stalled()
 
-    def _in_time(self, what: str) -> None:
+        self._start_timer(what, STALL_SECONDS, look)
+
+    def _cut_off(self) -> None:
+        self._finish(End(POLICY_VIOLATION, "The client does not read."))
+        self._client.abort()  # a close frame would wait behind all that it does not read
+
+    def _start_timer(self, what: str, seconds: float, then: Callable[[], None]) -> None:
+        self._stop_timer(what)
+        self._timers[what] = self._loop.call_later(seconds, then)
+
+    def _stop_timer(self, what: str) -> None:
         if timer := self._timers.pop(what, None):
             timer.cancel()
 

@@ -13,6 +13,8 @@ from backend.bridge.direct import DirectWebSocket
 from backend.config import ConfigError, Settings
 
 PING_SECONDS = 20.0
+PONG_SECONDS = 40.0
+"""Longer than a ping may wait behind a large message on a slow link."""
 _END_SECONDS = 3
 
 log = logging.getLogger(__name__)
@@ -34,7 +36,7 @@ async def serve(settings: Settings, *, listener: socket.socket | None = None) ->
             ws=DirectWebSocket,
             ws_max_size=settings.bridge.max_frame_bytes,
             ws_ping_interval=PING_SECONDS,
-            ws_ping_timeout=PING_SECONDS,
+            ws_ping_timeout=PONG_SECONDS,
             ws_per_message_deflate=False,  # costs more time than a local network needs for these sizes
             lifespan="on",
             log_config=None,

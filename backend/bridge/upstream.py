@@ -51,6 +51,9 @@ class Upstream(Protocol):
     def send(self, line: bytes) -> None:
         """Pass one line on; its newline is added."""
 
+    def unsent(self) -> int:
+        """Bytes that wait for the agent to read."""
+
     def pause_reading(self) -> None:
         """Read no more for now, so that the agent has to wait."""
 
@@ -87,23 +90,26 @@ def agent_at(address: str) -> Agent:
     raise ConfigError(f"bridge.agent: {address!r} is neither tcp://HOST:PORT nor stdio:COMMAND.")
 
 
-@dataclass(frozen=True)
 class _TcpAgent:
-    host: str
-    port: int
+    def __init__(self, host: str, port: int) -> None:
+        self.host = host
+        self.port = port
+        self._open: set[_TcpConnection] = set()  # each adds and removes itself
 
     async def connect(self, listener: Listener, limit: int) -> Upstream:
         loop = asyncio.get_running_loop()
         try:
             async with asyncio.timeout(_CONNECT_SECONDS):
                 _, connection = await loop.create_connection(
-                    lambda: _TcpConnection(listener, limit), self.host, self.port
+                    lambda: _TcpConnection(listener, limit, self._open), self.host, self.port
                 )
         except (OSError, TimeoutError):
             raise AgentDownError("The agent is not running.") from None
         return connection
 
     async def probe(self) -> str | None:
+        if self._open:
+            return None
         try:
             async with asyncio.timeout(_PROBE_SECONDS):
                 _, writer = await asyncio.open_connection(self.host, self.port)
@@ -114,12 +120,16 @@ class _TcpAgent:
 
 
 class _TcpConnection(asyncio.Protocol):
-    def __init__(self, listener: Listener, limit: int) -> None:
+    def __init__(self, listener: Listener, limit: int, siblings: set[_TcpConnection]) -> None:
         self._listener = listener
         self._lines = LineSplitter(limit)
+        self._siblings = siblings
 
     def send(self, line: bytes) -> None:
         self._transport.write(line + b"\n")
+
+    def unsent(self) -> int:
+        return self._transport.get_write_buffer_size()
 
     def pause_reading(self) -> None:
         self._transport.pause_reading()
@@ -139,6 +149,7 @@ class _TcpConnection(asyncio.Protocol):
         connected: socket.socket = transport.get_extra_info("socket")
         connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connected.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        self._siblings.add(self)
 
     def data_received(self, data: bytes) -> None:
         self._listener.agent_said(self._lines.feed(data))
@@ -150,6 +161,7 @@ class _TcpConnection(asyncio.Protocol):
         self._listener.agent_slow(False)
 
     def connection_lost(self, exc: Exception | None) -> None:
+        self._siblings.discard(self)
         self._listener.agent_gone()
 
 
@@ -186,6 +198,9 @@ class _Child(asyncio.SubprocessProtocol):
 
     def send(self, line: bytes) -> None:
         self._stdin.write(line + b"\n")
+
+    def unsent(self) -> int:
+        return self._stdin.get_write_buffer_size()
 
     def pause_reading(self) -> None:
         self._stdout.pause_reading()

@@ -60,6 +60,7 @@ class Pilot:
         self._latch = latch
         self._limits = limits
         self._intent: _Intent | None = None  # from a motion's first rule to its end
+        self._brakings = 0  # how often brake was called: what began before one must not go on after it
         self.speaking: str | None = None  # what is being said, while it is
         self.path = Path(robot.clock(), [])  # latest planned path, replaced on change
         self.speech: Speech | None = None  # latest sentence begun, replaced on change
@@ -98,8 +99,9 @@ class Pilot:
         """Drive to a goal; returns there. Raises `Refusal`. Cancelling brakes."""
         safety.finite(x=goal.x, y=goal.y, yaw=goal.yaw)
         with self._motion(_Intent("navigate", goal, place.name if place else None), goal):
+            brakings = self._brakings
             route = await self._plan(goal, final_yaw)
-            safety.not_stopped(self.stopped)  # it may have been pressed while planning
+            self._not_braked_since(brakings)
             self._show(route, preview=False)
             try:
                 return route, await self._run(self.robot.drive(route))
@@ -121,9 +123,10 @@ class Pilot:
         safety.speech_fits(text, self._limits)
         safety.idle("speaking already" if self.speaking else None)
         self.speaking = text
+        brakings = self._brakings
         try:
             sound = await self.robot.synthesize(text)
-            safety.not_stopped(self.stopped)
+            self._not_braked_since(brakings)
             self.speech = Speech(self.robot.clock(), text, sound.seconds)
             self.on_change()
             await self.robot.say(text, sound)
@@ -139,9 +142,10 @@ class Pilot:
         return await self.robot.photo()
 
     def brake(self) -> None:
-        """End what is under way, at once and without a latch."""
+        """End what is under way or about to begin, at once and without a latch."""
         self.robot.halt()
         self.robot.hush()
+        self._brakings += 1
 
     def stop(self, by: str) -> Stop:
         """Stop everything and latch it."""
@@ -183,6 +187,11 @@ class Pilot:
             if not arrived:
                 self.robot.halt()
             self._intent = None
+
+    def _not_braked_since(self, brakings: int) -> None:
+        # A stop that was pressed and released meanwhile counts: a release never lets a motion begin.
+        if self._brakings != brakings:
+            self._tell_why()
 
     def _tell_why(self) -> NoReturn:
         """The refusal that answers whoever was interrupted by a halt."""

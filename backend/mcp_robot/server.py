@@ -17,6 +17,7 @@ from starlette.applications import Starlette
 
 from backend import identity
 from backend.config import Settings
+from backend.mcp_robot import stdio as stdio_transport
 from backend.mcp_robot import tools
 from backend.mcp_robot.app import create_app
 from backend.mcp_robot.pilot import Pilot
@@ -52,15 +53,19 @@ async def serve(settings: Settings, *, stdio: bool = False, on_ready: Callable[[
     with contextlib.closing(_listen(robot_settings.host, robot_settings.port)) as listener:
         http = _Http(create_app(pilot, mcp, token, robot_settings.host), pilot, on_ready)
         async with robot.running():
-            tasks = {asyncio.create_task(http.serve(sockets=[listener]), name="http")}
+            serving = asyncio.create_task(http.serve(sockets=[listener]), name="http")
+            tasks = {serving}
             if stdio:
-                tasks.add(asyncio.create_task(mcp.run_stdio_async(), name="stdio"))
+                tasks.add(asyncio.create_task(stdio_transport.run(mcp), name="stdio"))
             try:
                 done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             finally:
                 pilot.brake()
                 http.should_exit = True
-                await _end(tasks)
+                await asyncio.wait({serving}, timeout=GRACE + 1.0)
+                for task in tasks:
+                    task.cancel()
+                await asyncio.gather(*tasks, return_exceptions=True)
             for task in done:
                 task.result()
 
@@ -94,13 +99,6 @@ class _Http(uvicorn.Server):
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         self._pilot.brake()
         await super().shutdown(sockets)
-
-
-async def _end(tasks: set[asyncio.Task[None]]) -> None:
-    """End what still runs; reading standard input cannot be cancelled, so it is not waited for."""
-    _, pending = await asyncio.wait(tasks, timeout=GRACE + 1.0)
-    for task in pending:
-        task.cancel()
 
 
 def _listen(host: str, port: int) -> socket.socket:

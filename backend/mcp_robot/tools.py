@@ -10,6 +10,7 @@ import base64
 import logging
 from typing import Annotated, Any
 
+from mcp.server.lowlevel import Server
 from mcp.server.mcpserver import Context, MCPServer
 from mcp.server.mcpserver.exceptions import ToolError
 from mcp_types import (
@@ -47,6 +48,11 @@ do."""
 
 class RobotServer(MCPServer[Any]):
     """An MCP server whose tool errors are sentences: a refusal's own, and one for wrong arguments."""
+
+    @property
+    def core(self) -> Server[Any]:
+        """The SDK's low-level server, for a transport of our own."""
+        return self._lowlevel_server
 
     async def call_tool(
         self, name: str, arguments: dict[str, Any], context: Context[Any, Any] | None = None

@@ -115,3 +115,9 @@ async def test_the_agent_is_probed_once_however_many_ask(bridge, agent):
     async with bridge.http() as http:
         await asyncio.gather(*(http.get("/api/health") for _ in range(20)))
     assert agent.connections == 1
+
+
+async def test_an_agent_that_serves_a_client_is_not_probed(bridge, agent, client):
+    async with bridge.http() as http:
+        assert (await http.get("/api/health")).json()["agent"]["up"]
+    assert agent.connections == 1  # the client's own

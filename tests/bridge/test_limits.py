@@ -131,6 +131,24 @@ async def test_a_client_that_does_not_read_is_cut_off_and_little_was_kept_for_it
         assert taken < 40_000_000  # what the kernel's buffers hold, not what was sent
 
 
+async def test_a_client_that_reads_slowly_but_reads_is_not_cut_off(bridge, agent, initialize, monkeypatch):
+    monkeypatch.setattr(relay, "STALL_SECONDS", 0.2)
+    with contextlib.closing(await raw_client(bridge, initialize)) as bare:
+        await agent.heard()
+        frame = message_of(12_000_000).encode()
+        sending = asyncio.create_task(agent.say(frame + b"\n"))
+        loop = asyncio.get_running_loop()
+        started, received = loop.time(), 0
+        async with asyncio.timeout(20):
+            while received < len(frame):
+                received += len(await loop.sock_recv(bare, 400_000))
+                due = started + received / 8_000_000  # this is the slowness: 8 MB a second
+                await asyncio.sleep(max(0, due - loop.time()))
+        assert loop.time() - started > 3 * 0.2
+        await sending
+        assert not agent.left.is_set()
+
+
 async def test_a_client_waits_for_an_agent_that_does_not_read_and_is_told_in_the_end(client, agent, monkeypatch):
     monkeypatch.setattr(relay, "STALL_SECONDS", 0.5)
     agent.reading.clear()

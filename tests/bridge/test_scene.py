@@ -284,6 +284,12 @@ async def test_while_the_robot_is_gone_the_scene_says_so_and_comes_back(scene, r
     await wait_until(lambda: not stage._notice.visible)
 
 
+async def test_a_message_that_cannot_be_drawn_does_not_end_the_scene(scene, robot, wait_until, caplog):
+    await robot.send(Map(0.5, 8, 6, 0.0, 0.0, b"too short", []), state())
+    await wait_until(lambda: scene._stage._robot.visible)
+    assert "a Map message cannot be drawn" in caplog.text
+
+
 async def test_a_message_that_is_none_is_dropped_and_the_next_one_shown(scene, robot, wait_until, caplog):
     await robot._connection.send(b"\xc1")
     await robot._connection.send(msgspec.msgpack.encode({"type": "state"}))

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from backend.mcp_robot.grid import FREE, OCCUPIED, OccupancyGrid, sample
+from backend.mcp_robot.grid import FREE, OCCUPIED, OccupancyGrid
 from backend.mcp_robot.simulator import planner
 from backend.mcp_robot.simulator.world import World
 
@@ -20,8 +20,8 @@ def search(office: World) -> planner.SearchGrid:
 
 
 def tightest(grid: OccupancyGrid, path: np.ndarray) -> float:
-    legs = itertools.pairwise(map(tuple, path))
-    return min(float(grid.clearances(sample(a, b, 0.01)).min()) for a, b in legs)
+    """The smallest clearance along a path, looked at every centimetre."""
+    return float(grid.clearances(planner.resample(path, 0.01)).min())
 
 
 def test_every_place_is_reached_from_every_other_without_touching_anything(

@@ -51,7 +51,7 @@ class Feed:
 
     async def run(self) -> None:
         """Keep the subscription until cancelled."""
-        delay = _FIRST_DELAY
+        delay, trouble = _FIRST_DELAY, ""
         while True:
             try:
                 async with connect(
@@ -64,10 +64,13 @@ class Feed:
                     ping_timeout=5,
                 ) as stream:
                     log.info("scene: the robot's telemetry is connected")
-                    delay = _FIRST_DELAY
+                    delay, trouble = _FIRST_DELAY, ""
                     await first_of(self._listen(stream), self._subscribe(stream))
             except (OSError, WebSocketException, TimeoutError) as error:
-                log.debug("scene: no telemetry: %s", error)
+                if str(error) != trouble:  # said once, not at every try
+                    level = logging.INFO if isinstance(error, OSError) else logging.WARNING  # not there, or refusing
+                    log.log(level, "scene: no telemetry from the robot: %s", error)
+                trouble = str(error)
             self._lost()
             await asyncio.sleep(delay * random.uniform(0.8, 1.2))  # noqa: S311 - spreads, hides nothing
             delay = min(delay * 2, _LONGEST_DELAY)
@@ -85,4 +88,7 @@ class Feed:
             except (msgspec.ValidationError, msgspec.DecodeError) as error:
                 log.warning("scene: dropped a telemetry message: %s", error)
                 continue
-            await self._show(message)
+            try:
+                await self._show(message)
+            except Exception:  # another robot's map must not end the scene for good
+                log.exception("scene: a %s message cannot be drawn", type(message).__name__)

@@ -17,7 +17,6 @@ import viser
 
 from backend import telemetry
 from backend.bridge.scene import robot, shapes
-from backend.bridge.scene.camera import Extent
 from backend.bridge.scene.viewers import Viewers
 
 Colour = tuple[int, int, int]
@@ -40,7 +39,6 @@ PATH_HEIGHT = 0.06
 LASER_HEIGHT = 0.3
 PLACE_OFFSET = 0.9
 """m that a name stands beside its place, so that the robot can be seen there."""
-NO_MAP: Extent = (-5.0, -5.0, 5.0, 5.0)
 
 
 class Stage:
@@ -186,7 +184,7 @@ class Stage:
             )
             for number, place in enumerate(grid.places)
         ]
-        x0, y0, x1, y1 = extent = shapes.extent(cells, grid.resolution, origin)
+        extent = x0, y0, x1, y1 = shapes.extent(cells, grid.resolution, origin)
         self._notice.position = ((x0 + x1) / 2, (y0 + y1) / 2, WALL_HEIGHT)
         self._viewers.look_at(extent)
 

@@ -35,7 +35,7 @@ class Viewers:
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
-        self._extent: Extent = (-5.0, -5.0, 5.0, 5.0)
+        self._extent: Extent = (-5.0, -5.0, 5.0, 5.0)  # until there is a map
         self._kept: dict[int, _Kept] = {}  # by viewer
         self._lock = threading.Lock()
         server.on_client_connect(self._came)

@@ -116,7 +116,7 @@ def _cheapest(search: SearchGrid, start: int, goal: int) -> npt.NDArray[np.intp]
     """Cells from start to goal along the cheapest way, by Dijkstra's algorithm in Dial's buckets.
 
     One bucket holds all cells whose cost lies within one cell of each other, so none of them can improve another, and
-    numpy settles them all at once: 20 ms for an office where a heap takes 150.
+    numpy settles them all at once: about 20 ms across the office.
     """
     cost, columns = search.cost, search.columns
     steps = np.array([dr * columns + dc for dr, dc in _NEIGHBOURS], dtype=np.intp)

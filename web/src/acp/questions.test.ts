@@ -2,7 +2,7 @@
 import type { RequestPermissionRequest } from "@agentclientprotocol/sdk";
 import { beforeEach, expect, it } from "vitest";
 import { getState, INITIAL, setState } from "../state/store";
-import { ask, closeQuestion } from "./questions";
+import { ask, decided } from "./questions";
 
 const REQUEST: RequestPermissionRequest = {
   sessionId: "s1",
@@ -43,13 +43,31 @@ it("goes, unanswered, when the agent withdraws it", async () => {
   expect(getState().questions).toEqual([]);
 });
 
-it("goes when somebody else has decided on the same call, and on no other", async () => {
+const BEN = { by: "Ben", option: "allow_once", reason: "selected" };
+
+it("goes when somebody else has decided on the same call, and on no other, and says who", async () => {
   const answer = ask(REQUEST, new AbortController().signal);
-  closeQuestion("s1", "c1");
-  closeQuestion("s2", "c3");
+  decided("s1", "c1", BEN);
+  decided("s2", "c3", BEN);
   expect(getState().questions).toHaveLength(1);
-  closeQuestion("s1", "c3");
+  decided("s1", "c3", BEN);
   await expect(answer).resolves.toEqual({ outcome: { outcome: "cancelled" } });
+  expect(getState().toasts.map(({ text }) => text)).toEqual(["Ben allowed it: Say aloud: “Hello.”"]);
+});
+
+it("says who decided also when the question was withdrawn before", () => {
+  const withdrawn = new AbortController();
+  void ask(REQUEST, withdrawn.signal);
+  withdrawn.abort();
+  decided("s1", "c3", { ...BEN, option: "reject_once" });
+  expect(getState().toasts.map(({ text }) => text)).toEqual(["Ben refused it: Say aloud: “Hello.”"]);
+});
+
+it("tells nobody of their own decision", () => {
+  void ask(REQUEST, new AbortController().signal);
+  getState().questions[0]?.answer({ outcome: { outcome: "selected", optionId: "allow_once" } });
+  decided("s1", "c3", BEN);
+  expect(getState().toasts).toEqual([]);
 });
 
 it("uses the agent's clock where it is ahead or behind", () => {

@@ -3,12 +3,18 @@
  * withdrawn. Nothing but a click of a person chooses an option that allows.
  */
 import type { RequestPermissionRequest, RequestPermissionResponse } from "@agentclientprotocol/sdk";
-import { getState, setState, type Question } from "../state/store";
-import { asNumber, asString } from "./meta";
+import i18next from "../i18n";
+import { getState, setState, toast, type Question } from "../state/store";
+import { asNumber, asString, type Decision } from "./meta";
 
 const CANCELLED: RequestPermissionResponse = { outcome: { outcome: "cancelled" } };
 
 let asked = 0;
+
+/** What was asked here and not answered here, by session and tool call: others may decide it. */
+const unanswered = new Map<string, string>();
+
+const nameOf = (sessionId: string, toolCallId: string): string => `${sessionId} ${toolCallId}`;
 
 /** Shows a question; resolves with the answer. `withdrawn` aborts when the agent no longer wants one. */
 export function ask(
@@ -17,7 +23,9 @@ export function ask(
 ): Promise<RequestPermissionResponse> {
   return new Promise((resolve) => {
     const key = `q${++asked}`;
+    const { toolCallId } = request.toolCall;
     const answer = (response: RequestPermissionResponse): void => {
+      if (response !== CANCELLED) unanswered.delete(nameOf(request.sessionId, toolCallId));
       setState((state) => ({ questions: state.questions.filter((other) => other.key !== key) }));
       resolve(response);
     };
@@ -25,14 +33,15 @@ export function ask(
     const question: Question = {
       key,
       sessionId: request.sessionId,
-      toolCallId: request.toolCall.toolCallId,
-      title: request.toolCall.title ?? titleOf(request.sessionId, request.toolCall.toolCallId),
+      toolCallId,
+      title: request.toolCall.title ?? titleOf(request.sessionId, toolCallId),
       asker: asString(request._meta?.["robot-acp/asker"]),
       options: request.options,
       expiresAt: expiry(request._meta?.["robot-acp/expires"], timeoutS),
       timeoutS,
       answer,
     };
+    unanswered.set(nameOf(question.sessionId, toolCallId), question.title);
     setState((state) => ({
       questions: [
         ...state.questions.filter(
@@ -62,8 +71,20 @@ function titleOf(sessionId: string, toolCallId: string): string {
   return item?.kind === "tool" ? item.title : "";
 }
 
-/** Somebody has decided on this tool call: nobody here needs to. */
-export function closeQuestion(sessionId: string, toolCallId: string): void {
+/** Somebody has decided on this tool call: nobody here needs to, but whoever was asked here wants to know. */
+export function decided(sessionId: string, toolCallId: string, decision: Decision): void {
+  closeQuestion(sessionId, toolCallId);
+  const what = unanswered.get(nameOf(sessionId, toolCallId));
+  if (what === undefined) return;
+  unanswered.delete(nameOf(sessionId, toolCallId));
+  if (decision.reason === "timeout") toast("info", i18next.t("question.decidedTimeout", { what }));
+  if (decision.reason !== "selected" || decision.by === null) return;
+  const allowed = decision.option?.startsWith("allow") === true;
+  const name = decision.by;
+  toast("info", i18next.t(allowed ? "question.decidedAllowed" : "question.decidedRefused", { name, what }));
+}
+
+function closeQuestion(sessionId: string, toolCallId: string): void {
   for (const question of getState().questions) {
     if (question.sessionId === sessionId && question.toolCallId === toolCallId) question.answer(CANCELLED);
   }

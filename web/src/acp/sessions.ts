@@ -16,7 +16,7 @@ import { cancelAsked, opened, promptEnded, promptFailed, promptSent, sessionRedu
 import type { Setting } from "../state/settings";
 import { getState, setState, toast } from "../state/store";
 import { decisionOf } from "./meta";
-import { closeQuestion, closeQuestionsOf } from "./questions";
+import { closeQuestionsOf, decided } from "./questions";
 import { rememberSession, sessionOfAddress } from "./address";
 
 const CWD = "/";
@@ -45,8 +45,9 @@ export function receive(notification: SessionNotification): void {
   } else {
     change(sessionId, (conversation) => sessionReducer(conversation, notification));
   }
-  if (update.sessionUpdate === "tool_call_update" && decisionOf(update._meta) !== null) {
-    closeQuestion(sessionId, update.toolCallId);
+  if (update.sessionUpdate === "tool_call_update") {
+    const decision = decisionOf(update._meta);
+    if (decision !== null) decided(sessionId, update.toolCallId, decision);
   }
   if (update.sessionUpdate === "session_info_update" && update.title !== undefined) {
     const title = update.title;

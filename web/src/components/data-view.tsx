@@ -1,6 +1,7 @@
 /** Data of a tool for people: names and values, tables of equal things; no brackets, no quotes. */
 import { useTranslation } from "react-i18next";
 import { isRecord } from "../acp/meta";
+import { clock } from "../i18n/format";
 
 const DEEPEST = 4;
 
@@ -8,12 +9,18 @@ function words(key: string): string {
   return key.replaceAll("_", " ");
 }
 
+/** Unix seconds of this century: no length, angle or count of a robot is as large. */
+function isTime(value: number): boolean {
+  return value > 1e9 && value < 4e9;
+}
+
 function useText(): (value: unknown) => string {
   const { t } = useTranslation();
   const text = (value: unknown): string => {
     if (value === null || value === undefined || value === "") return t("tool.nothing");
     if (typeof value === "boolean") return t(value ? "tool.yes" : "tool.no");
-    if (typeof value === "number") return String(Math.round(value * 1000) / 1000);
+    if (typeof value === "number")
+      return isTime(value) ? clock(value) : String(Math.round(value * 1000) / 1000);
     if (typeof value === "string") return value;
     if (Array.isArray(value)) return value.length === 0 ? t("tool.nothing") : value.map(text).join(", ");
     if (isRecord(value)) {

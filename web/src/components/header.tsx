@@ -173,7 +173,7 @@ function QuestionChip({ onClick }: { onClick: () => void }) {
       type="button"
       className="question-chip"
       data-testid="question-chip"
-      aria-label={t("question.show", { what: question.title })}
+      title={t("question.show", { what: question.title })}
       onClick={onClick}
     >
       <ShieldQuestion aria-hidden />

@@ -52,16 +52,21 @@ function SettingSelect(props: { testId: string; label: string; setting: Setting;
         <Select.Content className="menu select-menu" position="popper" sideOffset={4} collisionPadding={8}>
           <Select.Viewport>
             {setting.choices.map((choice) => (
-              <Select.Item key={choice.value} value={choice.value} className="menu-item select-item">
+              <Select.Item
+                key={choice.value}
+                value={choice.value}
+                textValue={choice.name}
+                className="menu-item select-item"
+              >
                 <Select.ItemIndicator className="select-check">
                   <Check aria-hidden />
                 </Select.ItemIndicator>
-                <span>
-                  <Select.ItemText>{choice.name}</Select.ItemText>
+                <Select.ItemText>
+                  <span>{choice.name}</span>
                   {choice.description !== null && (
                     <span className="select-description">{choice.description}</span>
                   )}
-                </span>
+                </Select.ItemText>
               </Select.Item>
             ))}
           </Select.Viewport>

@@ -1,11 +1,11 @@
 /** While the robot is stopped: who did it, when, and what releases it. And, loudly, when Stop did not get through. */
-import { OctagonAlert, OctagonX } from "lucide-react";
+import { OctagonAlert, OctagonX, X } from "lucide-react";
 import { useState } from "react";
 import { useTranslation } from "react-i18next";
 import { releaseRobot, stopRobot } from "../acp/dashboard";
 import { clock } from "../i18n/format";
 import { canRelease } from "../state/rights";
-import { robotName, useMe, useStore } from "../state/store";
+import { robotName, setState, useMe, useStore } from "../state/store";
 import { Confirm } from "./confirm";
 
 export function StopBand() {
@@ -65,6 +65,14 @@ export function StopFailed() {
       </p>
       <button type="button" className="button on-danger" onClick={() => void stopRobot()}>
         {t("stop.again")}
+      </button>
+      <button
+        type="button"
+        className="icon-button"
+        aria-label={t("stop.dismiss")}
+        onClick={() => setState({ stopError: null })}
+      >
+        <X aria-hidden />
       </button>
     </section>
   );

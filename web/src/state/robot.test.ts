@@ -45,10 +45,13 @@ describe("the state of the robot", () => {
       by: "Ana",
     });
   });
-  it("is unknown without a connection, never an old number", () => {
+  it("is not reachable without a connection, never an old state", () => {
     expect(robotState(parseTelemetry(REST), { status: "waiting", retryAt: 0 }, null, null).kind).toBe(
-      "unknown",
+      "unreachable",
     );
+  });
+  it("is unknown before the first connection", () => {
+    expect(robotState(null, { status: "connecting", first: true }, null, null).kind).toBe("unknown");
   });
 });
 

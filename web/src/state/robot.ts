@@ -22,6 +22,8 @@ export function robotState(
 ): RobotState {
   if (stoppedBy !== null) return { kind: "stopped", by: stoppedBy };
   if (health?.robot.up === false) return { kind: "unreachable" };
+  if (link.status === "waiting" || (link.status === "connecting" && !link.first))
+    return { kind: "unreachable" };
   if (link.status !== "online" || telemetry === null) return { kind: "unknown" };
   if (!telemetry.online) return { kind: "unreachable" };
   if (telemetry.motion !== null) {

@@ -1,5 +1,5 @@
-/** Every word of the page in English. Another language is one more file with the same keys. */
-export const en = {
+/** Every word of the page in English. Another language is one more file beside this one, with the same keys. */
+const en = {
   app: { checking: "One moment …", skip: "Skip to the conversation" },
   title: {
     plain: "{{robot}} · robot-acp",
@@ -44,7 +44,6 @@ export const en = {
     link: "Link",
     linkTime: "{{value}} ms",
     linkLost: "no link",
-    held: "Held by",
     heldByYou: "held by you",
     heldBy: "held by {{name}}",
     unknown: "–",
@@ -57,10 +56,10 @@ export const en = {
   stop: {
     button: "Stop",
     label: "Stop the robot",
-    busy: "Stopping …",
     noAnswer:
       "Stop did not get through: the robot's server does not answer. Use the stop button on the robot.",
     again: "Stop again",
+    dismiss: "Hide this",
     stoppedBy: "Stopped by {{name}} at {{time}}.",
     stoppedByYou: "Stopped by you at {{time}}.",
     stays: "{{robot}} does not move or speak until this is released.",
@@ -107,7 +106,6 @@ export const en = {
   },
   talk: {
     title: "Conversation",
-    you: "You",
     loading: "Opening the session …",
     newMessages: "New messages",
     toEnd: "To the newest",
@@ -166,13 +164,12 @@ export const en = {
     places_other: "Knows {{count}} places.",
     near: "Near {{place}}.",
     battery: "Battery {{level}}.",
-    spoken: "Spoken in {{seconds}}.",
     silent: "There was no voice to speak with; nobody heard it.",
     seconds: "{{value}} s",
     metres: "{{value}} m",
   },
   note: {
-    cancelled: "Cancelled. {{robot}} is at rest.",
+    cancelled: "Cancelled.",
     max_tokens: "The answer grew too long and was cut off.",
     max_turn_requests: "It took too many steps and was ended. Ask for a smaller part.",
     refusal: "The model declined to go on.",
@@ -197,6 +194,7 @@ export const en = {
     viewer: "Waiting for an operator or a supervisor to decide.",
     decidedAllowed: "{{name}} allowed it: {{what}}",
     decidedRefused: "{{name}} refused it: {{what}}",
+    decidedTimeout: "Nobody answered in time: {{what}}",
     untitled: "Go on with the next step",
   },
   composer: {
@@ -232,3 +230,5 @@ export const en = {
   tabs: { label: "Views", talk: "Talk", map: "Map", sessions: "Sessions", question: "a question waits" },
   toast: { close: "Close", region: "Notices" },
 };
+
+export default en;

@@ -1,0 +1,78 @@
+"""What was asked for before a stop never begins after it, even when the stop was released meanwhile."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import pytest
+
+from backend.config import Limits
+from backend.mcp_robot.pilot import Pilot
+from backend.mcp_robot.refusal import Refusal
+from backend.mcp_robot.robot import Route, Sound
+from backend.mcp_robot.simulator.simulated_robot import SimulatedRobot
+from backend.mcp_robot.simulator.world import World
+from backend.mcp_robot.stop import StopLatch
+from backend.telemetry import Pose
+
+KITCHEN = Pose(2.9, 9.7, 0.0)
+
+
+class Thoughtful(SimulatedRobot):
+    """A simulated robot that plans and finds its voice only when it is let."""
+
+    def __init__(self, world: World) -> None:
+        super().__init__(world, Limits(), time_scale=20.0)
+        self.asked, self.let = asyncio.Event(), asyncio.Event()
+
+    async def plan(self, goal: Pose, *, final_yaw: bool) -> Route:
+        self.asked.set()
+        await self.let.wait()
+        return await super().plan(goal, final_yaw=final_yaw)
+
+    async def synthesize(self, text: str) -> Sound:
+        self.asked.set()
+        await self.let.wait()
+        return await super().synthesize(text)
+
+
+@pytest.fixture
+async def robot(office: World) -> AsyncIterator[Thoughtful]:
+    robot = Thoughtful(office)
+    async with robot.running():
+        yield robot
+
+
+@pytest.mark.parametrize("released", [True, False])
+@pytest.mark.parametrize("act", ["drive", "speak"])
+async def test_a_stop_while_it_thinks_ends_what_was_asked_even_if_released(
+    robot: Thoughtful, tmp_path: Path, act: str, released: bool
+) -> None:
+    pilot = Pilot(robot, StopLatch(tmp_path), Limits())
+    asked = pilot.navigate(KITCHEN, final_yaw=False) if act == "drive" else pilot.speak("Hello")
+    task = asyncio.ensure_future(asked)
+    await robot.asked.wait()
+    pilot.stop("Ana")
+    if released:
+        pilot.release("Ana")
+    robot.let.set()
+    with pytest.raises(Refusal, match=r"^stopped: "):
+        await task
+    assert robot.odometer == 0
+    assert pilot.speech is None
+    assert pilot.motion is None
+
+
+async def test_cancelling_while_it_plans_leaves_the_robot_free_for_the_next(robot: Thoughtful, tmp_path: Path) -> None:
+    pilot = Pilot(robot, StopLatch(tmp_path), Limits())
+    task = asyncio.create_task(pilot.navigate(KITCHEN, final_yaw=False))
+    await robot.asked.wait()
+    with pytest.raises(Refusal, match=r"^busy: The robot is driving to \(2.9, 9.7\) already"):
+        await pilot.rotate(10)
+    task.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await task
+    await pilot.rotate(10)
+    assert robot.odometer == 0
