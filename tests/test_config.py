@@ -1,0 +1,70 @@
+"""Settings: the shipped file is true, variables and flags override it, and what is wrong is named."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from backend import config
+
+SHIPPED = Path(__file__).parent.parent / "robot.toml"
+EXAMPLES = {"data_dir", "robot_url", "database", "agent", "navigate_to_place", "navigate_to_pose"}
+"""Settings whose shipped line shows an example, because the default depends on others."""
+
+
+@pytest.fixture(autouse=True)
+def _no_settings_from_outside(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    for name in ("ROBOT_ACP_CONFIG", "ROBOT_ACP_DATA_DIR", "ROBOT_ACP_ROBOT__PORT", "XDG_DATA_HOME"):
+        monkeypatch.delenv(name, raising=False)
+
+
+def test_every_line_of_the_shipped_file_shows_the_default() -> None:
+    lines = [
+        re.sub(r"^# ", "", line)
+        for line in SHIPPED.read_text().splitlines()
+        if (re.match(r"# \w+ = ", line) and re.match(r"# (\w+)", line)[1] not in EXAMPLES) or line.startswith("[")  # type: ignore[index]
+    ]
+    written = config.Settings(**tomllib.loads("\n".join(lines)))
+    assert written.model_dump() == config.load().model_dump()
+
+
+def test_every_setting_is_in_the_shipped_file() -> None:
+    text = SHIPPED.read_text()
+    for section in (config.Settings, config.Robot, config.Limits, config.Agent, config.Bridge):
+        for name, about in section.model_fields.items():
+            if name not in ("robot", "agent", "bridge", "limits", "policy") or about.annotation is str:
+                assert re.search(rf"^# {name} = ", text, re.M), name
+
+
+def test_flags_override_variables_and_variables_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "robot.toml").write_text('[robot]\nport = 1\nname = "File"\n[agent]\nport = 1\n')
+    monkeypatch.setenv("ROBOT_ACP_ROBOT__PORT", "2")
+    settings = config.load(robot={"time_scale": 3.0})
+    assert (settings.robot.name, settings.robot.port, settings.robot.time_scale) == ("File", 2, 3.0)
+    assert settings.agent.port == 1
+    assert config.load(robot={"port": 4}).robot.port == 4
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("[robot]\nmax_sped = 1", "robot.max_sped"),
+        ("[robot.limits]\nmax_speed = -1", "robot.limits.max_speed"),
+        ("[agent.policy.supervised]\nspeak = 'maybe'", "agent.policy.supervised.speak"),
+        ("[robot", "cannot be read"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path: Path, text: str, named: str) -> None:
+    (tmp_path / "robot.toml").write_text(text)
+    with pytest.raises(config.ConfigError, match=re.escape(named)):
+        config.load()
+
+
+def test_a_file_that_is_named_must_exist() -> None:
+    with pytest.raises(config.ConfigError, match=re.escape("no settings file nowhere.toml")):
+        config.load(Path("nowhere.toml"))
