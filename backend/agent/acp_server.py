@@ -6,6 +6,7 @@ types. Nothing here talks to the robot or to a model: that is the turn.
 
 from __future__ import annotations
 
+import logging
 from typing import Any
 
 from acp.agent.router import build_agent_router
@@ -37,6 +38,8 @@ from backend.agent.session import Session
 from backend.agent.telemetry_feed import TelemetryFeed
 from backend.agent.turn import Turn
 from backend.identity import Identity, Right, Role
+
+log = logging.getLogger(__name__)
 
 PROTOCOL_VERSION = 1
 EXTENSIONS = ("_robot/telemetry", "_robot/stop", "_robot/release")
@@ -83,6 +86,8 @@ class AcpServer:
         elif self._connection.local and self._house.settings.agent.trust_loopback:
             self._connection.identity = Identity("local", Role.SUPERVISOR)
         capabilities = client_capabilities.model_dump(by_alias=True) if client_capabilities else {}
+        who = self._connection.identity
+        log.info("client %s: %s", self._connection.id, f"{who.name}, {who.role.value}" if who else "not logged in")
         self._follow_robot((capabilities.get("_meta") or {}).get("robot-acp/telemetry"))
         return self._hello()
 

@@ -80,9 +80,14 @@ def _litellm() -> Any:
     return litellm
 
 
+async def ready() -> None:
+    """Return when litellm has been imported; from then on an inference starts at once."""
+    await asyncio.to_thread(_litellm)
+
+
 async def load() -> None:
     """Load litellm and run the offline model once, off the event loop, so that the first prompt is quick."""
-    await asyncio.to_thread(_litellm)
+    await ready()
     tool = {
         "type": "function",
         "function": {"name": "look", "parameters": {"type": "object", "properties": {}}},

@@ -75,12 +75,12 @@ async def _serve_client(
 ) -> None:
     connection = ClientConnection(reader, writer, local)
     server = AcpServer(house, connection)
-    log.info("client %s connected", connection.id)
     try:
         await connection.serve(server.router())
     finally:
         server.left()
-        log.info("client %s (%s) left", connection.id, connection.name)
+        if connection.initialized:  # anything else was a probe
+            log.info("client %s (%s) left", connection.id, connection.name)
 
 
 @contextlib.asynccontextmanager

@@ -97,6 +97,8 @@ class Turn:
 
     async def _work(self) -> str:
         tools = await self.bench.tools.tools()
+        # Just after the start this takes seconds, which are not the thought's.
+        await model.ready()
         system = self._system(tools)
         thinking = asyncio.create_task(self._think(system), name="preliminary thought")
         try:

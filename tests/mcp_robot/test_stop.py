@@ -46,6 +46,7 @@ async def test_a_stop_brakes_ends_the_motion_with_its_name_and_refuses_new_ones(
 async def test_release_allows_motion_again_and_starts_none(robot: Served) -> None:
     async with robot.mcp() as client, robot.http() as http, robot.telemetry("state") as reader:
         await http.post("/stop", json={"by": "Ana"})
+        await reader.state(lambda s: s.stop is not None)
         assert (await http.post("/release", json={"by": "Ben"})).json() == {"stopped": None}
         pose = (await reader.state(lambda s: s.stop is None)).pose
         for _ in range(5):
@@ -89,4 +90,4 @@ async def test_a_stop_ends_speech(tmp_path: Path) -> None:
         await http.post("/stop", json={"by": "Ana"})
         result = await speaking
         assert result.is_error
-        assert (await reader.state()).speaking is None
+        await reader.state(lambda s: s.stop is not None and s.speaking is None)

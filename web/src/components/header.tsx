@@ -40,24 +40,25 @@ export function Header({
   const { t } = useTranslation();
   return (
     <header className="bar">
-      {layout === "medium" && (
-        <button type="button" className="icon-button" aria-label={t("sessions.open")} onClick={onMenu}>
-          <Menu aria-hidden />
-        </button>
-      )}
-      {layout === "wide" && <Mark />}
-      <RobotState />
-      <Metrics />
-      <QuestionChip onClick={onQuestion} />
-      <span className="bar-space" />
-      {layout === "wide" ? (
-        <div className="bar-settings">
-          <SettingSelects />
-          <MeMenu />
-        </div>
-      ) : (
-        <SettingsDialog />
-      )}
+      <div className="bar-main">
+        {layout === "medium" && (
+          <button type="button" className="icon-button" aria-label={t("sessions.open")} onClick={onMenu}>
+            <Menu aria-hidden />
+          </button>
+        )}
+        {layout === "wide" && <Mark />}
+        <RobotState />
+        <Metrics />
+        <QuestionChip onClick={onQuestion} />
+        {layout === "wide" ? (
+          <div className="bar-settings">
+            <SettingSelects />
+            <MeMenu />
+          </div>
+        ) : (
+          <SettingsDialog />
+        )}
+      </div>
       <StopButton />
     </header>
   );
