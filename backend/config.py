@@ -61,7 +61,7 @@ class Agent(_Section):
     port: int = Field(9100, ge=0, le=65535)
     model: str = Field("offline/commands", min_length=1, description="any litellm model name")
     models: list[str] = Field([], description="further models that people may choose")
-    robot_url: str | None = Field(None, description="MCP URL of the robot server; default: the [robot] address")
+    robot_url: str | None = Field(None, description="another MCP server: URL or stdio:COMMAND")
     database: str | None = Field(None, description="SQLAlchemy URL; default: SQLite in the data folder")
     trust_loopback: bool = True
     default_mode: str = "supervised"

@@ -37,8 +37,9 @@ class RobotLinkError(Exception):
 class RobotLink:
     """The latest state of the robot. `state` is None while the robot server is away."""
 
-    def __init__(self, mcp_url: str, bearer: str | None) -> None:
-        self._base = f"http://{urlsplit(mcp_url).netloc}" if mcp_url.startswith("http") else None
+    def __init__(self, mcp_url: str | None, bearer: str | None) -> None:
+        """`mcp_url` is that of our robot server; None for another one, which has no such link."""
+        self._base = f"http://{urlsplit(mcp_url).netloc}" if mcp_url else None
         self._headers = {"Authorization": f"Bearer {bearer}"} if bearer else {}
         self.state: telemetry.State | None = None
         self._news = asyncio.Condition()

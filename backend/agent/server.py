@@ -93,9 +93,11 @@ async def _house(settings: Settings) -> AsyncIterator[House]:
         policy = Policy(agent.policy)
     except ValueError as error:
         raise ConfigError(str(error)) from None
-    bearer = identity.shared_secret(settings.data_dir, identity.ROBOT_TOKEN).decode()
+    # Our robot server has a secret, a telemetry stream and a stop path. Another MCP server gets none of our secrets.
+    ours = agent.robot_url is None
+    bearer = identity.shared_secret(settings.data_dir, identity.ROBOT_TOKEN).decode() if ours else None
     tools = RobotTools(settings.robot_mcp_url, bearer)
-    link = RobotLink(settings.robot_mcp_url, bearer)
+    link = RobotLink(settings.robot_mcp_url if ours else None, bearer)
     store = Store(settings.database_url)
     await store.open()
     journal = Journal(store)

@@ -45,6 +45,7 @@ NOON = Say("The meeting is at noon.")
         ("deliver 'see you at five' to the kitchen", [GoTo("the kitchen"), Say("See you at five.")]),
         ('say "I am here. Then I go home." and come back', [Say("I am here. Then I go home."), GoBack()]),
         ("say that you will go and look for coffee", [Say("You will go and look for coffee.")]),
+        ("say that I wonder where you are", [Say("I wonder where you are.")]),
         (
             "Go to lab 2.3.7, tell them that it moved to one o'clock, and then tell them that lunch is at two",
             [GoTo("lab 2.3.7"), Say("It moved to one o'clock."), Say("Lunch is at two.")],

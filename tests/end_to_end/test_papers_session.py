@@ -116,6 +116,10 @@ async def test_the_papers_session(up: Up, open_page: Opener, pictures: Path) -> 
         await expect(driving).to_contain_text("m to go, about")
         await expect(page.get_by_test_id("robot-state")).to_contain_text("driving to lab 2.3.7")
         await page.screenshot(path=pictures / "driving.png")
+        phone = await open_page(up.login_url, viewport={"width": 390, "height": 844}, device_scale_factor=2)
+        await expect(phone.get_by_test_id("tool-card").last).to_contain_text("m to go, about")
+        await phone.screenshot(path=pictures / "driving-phone.png")
+        await phone.close()
         await expect(page.get_by_test_id("permission")).to_be_visible(timeout=90_000)
         assert watched.spoken == []
         lab = await place_of(observer, "lab 2.3.7")

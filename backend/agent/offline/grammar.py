@@ -149,7 +149,9 @@ def _bare(text: str) -> str:
 
 
 def _clause(clause: str, quotes: list[str]) -> list[Action]:
-    for rule in (_looking, _moving, _speaking):
+    speech = re.match(rf"{_SAY}\b", clause, re.I) and not re.match(r"tell\s+me\b", clause, re.I)
+    # What is to be said can hold any words, so nothing else is looked for in it.
+    for rule in (_speaking,) if speech else (_looking, _moving):
         if found := rule(clause, quotes):
             return found
     return []

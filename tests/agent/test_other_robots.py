@@ -1,0 +1,25 @@
+"""Any MCP server can be the robot: the agent is unchanged, and tools that say nothing of themselves ask first."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from tests.processes import Client, Robot
+
+OTHER = Path(__file__).parent / "third_party_robot.py"
+
+
+async def test_the_same_agent_drives_a_robot_that_shares_no_code_with_ours(tmp_path: Path) -> None:
+    robot = Robot(tmp_path, {"ROBOT_ACP_AGENT__ROBOT_URL": f"stdio:{sys.executable} {OTHER}"})
+    with robot.running("agent", port=robot.agent_port):
+        client = await Client.open(f"tcp://127.0.0.1:{robot.agent_port}")
+        await client.new()
+        assert await client.prompt("say hello, then tell me where you are") == "end_turn"
+        assert [c["title"] for c in client.of("tool_call")] == ["Say something: sentence Hello.", "Where am i"]
+        assert [q["params"]["toolCall"]["title"] for q in client.questions] == [
+            "Say something: sentence Hello.",
+            "Where am i",
+        ]
+        assert "I said: “Hello.” I am at x 1.0 m, y 2.0 m." in client.said
+        await client.close()
