@@ -102,7 +102,9 @@ export function QuestionCard({ question, count }: { question: Question; count: n
         <QuestionPlace question={question} />
         {count > 1 && <span className="muted">{t("question.of", { at: 1, all: count })}</span>}
       </div>
-      <p className="question-text" id={ids.text}>
+      {/* A long text scrolls; whoever has only a keyboard must be able to read it to its end. */}
+      {/* eslint-disable-next-line jsx-a11y/no-noninteractive-tabindex */}
+      <p className="question-text" id={ids.text} tabIndex={0}>
         {question.title === "" ? t("question.untitled") : question.title}
       </p>
       <p className="question-meta muted">
