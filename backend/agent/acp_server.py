@@ -42,7 +42,7 @@ from backend.identity import Identity, Right, Role
 log = logging.getLogger(__name__)
 
 PROTOCOL_VERSION = 1
-EXTENSIONS = ("_robot/telemetry", "_robot/stop", "_robot/release")
+EXTENSIONS = ("_robot/telemetry", "_robot/stop", "_robot/release", "_robot/take_over")
 _AFTER = "robot-acp/after"
 _TURN = "robot-acp/turn"
 
@@ -258,13 +258,17 @@ class AcpServer:
     # Extensions
 
     async def ext_method(self, name: str, params: dict[str, Any]) -> dict[str, Any]:
-        """`_robot/stop` for everyone, `_robot/release` for supervisors."""
-        del params
+        """`_robot/stop` for everyone, `_robot/release` and `_robot/take_over` for supervisors."""
         try:
             if name == "robot/stop":
                 return await self._house.link.stop(self._known().name)
             if name == "robot/release":
                 return await self._house.link.release(self._authorized(Right.RELEASE).name)
+            if name == "robot/take_over":
+                loser = self._house.bench.lease.take_over(
+                    params.get("sessionId"), self._authorized(Right.TAKE_OVER).name
+                )
+                return {"from": loser.by if loser else None}
         except RobotLinkError as error:
             raise RequestError(wire.INTERNAL_ERROR, str(error)) from None
         raise RequestError(wire.METHOD_NOT_FOUND, f"There is no method _{name}.")

@@ -17,6 +17,7 @@ from backend.agent.acp_server import AcpServer
 from backend.agent.connection import ClientConnection
 from backend.agent.house import House
 from backend.agent.journal import Journal
+from backend.agent.lease import Lease
 from backend.agent.policy import MODE_IDS, Policy
 from backend.agent.robot_link import RobotLink
 from backend.agent.robot_tools import RobotTools
@@ -108,7 +109,7 @@ async def _house(settings: Settings) -> AsyncIterator[House]:
         sessions=sessions,
         journal=journal,
         link=link,
-        bench=Workbench(settings.robot.name, tools, policy, link, agent.thought_timeout, agent.max_steps),
+        bench=Workbench(settings.robot.name, tools, policy, link, Lease(), agent.thought_timeout, agent.max_steps),
         models=tuple(dict.fromkeys([agent.model, *agent.models, model.OFFLINE_MODEL])),
     )
     background = [

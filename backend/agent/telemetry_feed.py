@@ -48,8 +48,8 @@ class TelemetryFeed:
         self._connection.deliver(orjson.dumps(message, option=orjson.OPT_APPEND_NEWLINE))
 
     def _params(self, state: telemetry.State | None) -> dict[str, Any]:
-        running = (s for s in self._house.sessions.open_sessions if s.turn_id is not None)
-        turn = next(({"sessionId": s.id, "by": s.turn_by} for s in running), None)
+        holder = self._house.bench.lease.holder
+        turn = {"sessionId": holder.session_id, "by": holder.by} if holder else None
         name = self._house.settings.robot.name
         if state is None:
             return {"robot": name, "online": False, "turn": turn}

@@ -16,6 +16,7 @@ from typing import Any, Protocol
 
 from backend.agent import model, present, prompts
 from backend.agent.history import PLAN_TOOL, Message
+from backend.agent.lease import Claim, Lease
 from backend.agent.permissions import Verdict
 from backend.agent.policy import MODES, Policy
 from backend.agent.robot_tools import PREVIEW_ARGUMENT, Progress, RobotTools, RobotUnavailable, Tool
@@ -45,6 +46,7 @@ class Workbench:
     tools: RobotTools
     policy: Policy
     rest: Rest
+    lease: Lease
     thought_timeout_s: float
     max_steps: int
     infer: Infer = model.stream
@@ -63,6 +65,8 @@ class Turn:
     _open: list[str] = field(default_factory=list)
     _calls: int = 0
     _acted: bool = False
+    _claim: Claim | None = None
+    _lost_to: str | None = None
     _named: str | None = None
     _usage: present.Update | None = None
 
@@ -81,6 +85,8 @@ class Turn:
             self._close_calls("cancelled")
             if self._acted:
                 await self.bench.rest.at_rest()
+            if self._lost_to is not None:
+                self.session.record(present.message(f"{self._lost_to} took the robot over, so I stopped here."))
         except (RobotUnavailable, model.ModelError) as error:
             self._close_calls(str(error))
             self.session.record(present.message(str(error)))
@@ -89,6 +95,8 @@ class Turn:
             log.exception("turn %s failed", self.id)
             self._close_calls("internal error")
             self.session.record(present.message("Something went wrong inside the agent; its log says what. Try again."))
+        if self._claim:
+            self.bench.lease.release(self._claim)
         if self._usage:
             self.session.record(self._usage)
         self.session.turn_id = self.session.turn_by = None
@@ -222,6 +230,7 @@ class Turn:
 
     async def _execute(self, call_id: str, tool: Tool, arguments: dict[str, Any], looks: bool) -> None:
         if not looks:
+            await self._take_control(call_id)
             self._acted = True
             self.session.record(present.tool_status(call_id, "in_progress"))
         last = 0.0
@@ -235,6 +244,23 @@ class Turn:
 
         result = await self.bench.tools.call(tool.name, arguments, show)
         self._end(call_id, present.tool_result(call_id, result))
+
+    async def _take_control(self, call_id: str) -> None:
+        """Hold the robot from the first action to the end of the turn; wait, and say for whom, while another has it."""
+        if self._claim is not None:
+            return
+        lease = self.bench.lease
+        holder = lease.holder
+        self._claim = Claim(self.session.id, self.asker, self._lose)
+        if not lease.ask(self._claim):
+            owner = f"{holder.by} has" if holder else "somebody else has"
+            waiting = f"waiting for the robot, which {owner} now"
+            self.session.record(present.tool_status(call_id, "pending", waiting))
+            await lease.wait(self._claim)
+
+    def _lose(self, to: str) -> None:
+        self._lost_to = to
+        self.session.cancel()
 
     def _end(self, call_id: str, update: present.Update) -> None:
         self._open.remove(call_id)

@@ -1,0 +1,60 @@
+"""One robot, one controller: the turn that acts holds the lease, the others wait in order, a supervisor can take over.
+
+Looking needs no lease. No clock, no I/O: the lease only says whose turn it is.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+
+@dataclass(eq=False)
+class Claim:
+    """A turn that wants to act. `lose` is called with a name when somebody takes the robot over."""
+
+    session_id: str
+    by: str
+    lose: Callable[[str], None]
+    granted: asyncio.Event = field(default_factory=asyncio.Event)
+
+
+class Lease:
+    """Who controls the robot. `holder` is None while nobody acts."""
+
+    def __init__(self) -> None:
+        self.holder: Claim | None = None
+        self._waiting: list[Claim] = []
+
+    def ask(self, claim: Claim) -> bool:
+        """Get in line; true when the robot is free, and the claim holds it at once."""
+        self._waiting.append(claim)
+        self._pass_on()
+        return self.holder is claim
+
+    async def wait(self, claim: Claim) -> None:
+        """Return when the claim, which must be in line, holds the robot."""
+        await claim.granted.wait()
+
+    def release(self, claim: Claim) -> None:
+        """Give the robot back, or leave the line. Doing it twice is harmless."""
+        if claim in self._waiting:
+            self._waiting.remove(claim)
+        if self.holder is claim:
+            self.holder = None
+            self._pass_on()
+
+    def take_over(self, session_id: str | None, by: str) -> Claim | None:
+        """End the holder's turn in the name of `by`, let `session_id` be next, and return who lost it."""
+        self._waiting.sort(key=lambda claim: claim.session_id != session_id)  # stable: the rest keep their order
+        loser = self.holder
+        if loser is None or loser.session_id == session_id:
+            return None
+        loser.lose(by)
+        return loser
+
+    def _pass_on(self) -> None:
+        if self.holder is None and self._waiting:
+            self.holder = self._waiting.pop(0)
+            self.holder.granted.set()

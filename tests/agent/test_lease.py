@@ -1,0 +1,96 @@
+"""One robot, one controller: in line, in order, and taken over by a supervisor alone."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from backend.agent.lease import Claim, Lease
+from backend.chat.link import RefusedError
+from backend.identity import Role
+from tests.agent.conftest import Opener
+from tests.processes import Robot, eventually
+
+
+def claim(session_id: str, lost: list[str] | None = None) -> Claim:
+    return Claim(session_id, f"owner of {session_id}", (lost if lost is not None else []).append)
+
+
+def test_the_first_holds_it_and_the_others_follow_in_order() -> None:
+    lease, a, b, c = Lease(), claim("a"), claim("b"), claim("c")
+    assert [lease.ask(x) for x in (a, b, c)] == [True, False, False]
+    lease.release(a)
+    assert lease.holder is b
+    lease.release(b)
+    assert lease.holder is c
+    lease.release(c)
+    assert lease.holder is None
+
+
+def test_one_who_leaves_the_line_is_skipped_and_releasing_twice_is_harmless() -> None:
+    lease, a, b, c = Lease(), claim("a"), claim("b"), claim("c")
+    for x in (a, b, c):
+        lease.ask(x)
+    lease.release(b)
+    lease.release(a)
+    lease.release(a)
+    assert lease.holder is c
+
+
+def test_taking_over_ends_the_holder_and_puts_the_session_first() -> None:
+    lost: list[str] = []
+    lease, a, b, c = Lease(), claim("a", lost), claim("b"), claim("c")
+    for x in (a, b, c):
+        lease.ask(x)
+    assert lease.take_over("c", "Sue") is a
+    assert lost == ["Sue"]
+    assert lease.holder is a, "it is held until the robot is at rest"
+    lease.release(a)
+    assert lease.holder is c
+
+
+async def test_the_second_waits_with_a_reason_and_a_supervisor_takes_over(robot: Robot, connect: Opener) -> None:
+    ana, ben = await connect(robot.token("Ana", Role.OPERATOR)), await connect(robot.token("Ben", Role.OPERATOR))
+    sue = await connect(robot.token("Sue", Role.SUPERVISOR))
+    await ana.new()
+    session = await ben.new()
+    async with robot.watched() as watched:
+        first = asyncio.create_task(ana.prompt("go to lab 2.3.9"))
+        await watched.until(lambda: watched.speed > 0.3, "the robot to drive")
+        second = asyncio.create_task(ben.prompt("turn left by 20 degrees"))
+        await eventually(lambda: any("which Ana has now" in str(u) for u in ben.updates), "the reason to wait")
+        with pytest.raises(RefusedError, match="An operator|A operator"):
+            await ben.link.request("_robot/take_over", {"sessionId": session})
+        assert (await sue.link.request("_robot/take_over", {"sessionId": session}))["from"] == "Ana"
+        assert await first == "cancelled"
+        assert "Sue took the robot over" in ana.said
+        assert await second == "end_turn"
+        assert "I turned left by 20°." in ben.said
+
+
+async def test_cancelling_one_who_waits_leaves_the_line_to_the_others(connect: Opener) -> None:
+    holding, waiting, last = await connect(), await connect(), await connect()
+    for client in (holding, waiting, last):
+        await client.new()
+    driving = asyncio.create_task(holding.prompt("go to the kitchen"))
+    await eventually(lambda: any(u.get("status") == "in_progress" for u in holding.updates), "the drive")
+    giving_up = asyncio.create_task(waiting.prompt("turn left by 20 degrees"))
+    await eventually(lambda: "waiting for the robot" in str(waiting.updates), "the wait")
+    turning = asyncio.create_task(last.prompt("turn left by 20 degrees"))
+    await eventually(lambda: "waiting for the robot" in str(last.updates), "the wait")
+    await waiting.cancel()
+    assert await giving_up == "cancelled"
+    assert await driving == "end_turn"
+    assert await turning == "end_turn"
+
+
+async def test_looking_needs_no_lease(connect: Opener) -> None:
+    holding, looking = await connect(), await connect()
+    await holding.new()
+    await looking.new()
+    driving = asyncio.create_task(holding.prompt("go to lab 2.3.1"))
+    await eventually(lambda: any(u.get("status") == "in_progress" for u in holding.updates), "the drive")
+    assert await looking.prompt("where are you?") == "end_turn"
+    assert not driving.done()
+    assert await driving == "end_turn"
