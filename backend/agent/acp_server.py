@@ -289,7 +289,7 @@ class AcpServer:
     def _authorized(self, right: Right) -> Identity:
         who = self._known()
         if not who.may(right):
-            raise RequestError(wire.NOT_ALLOWED, f"A {who.role.value} may not {right.value.replace('_', ' ')}.")
+            raise RequestError(wire.NOT_ALLOWED, f"The role {who.role.value} may not {right.value.replace('_', ' ')}.")
         return who
 
     async def _session(self, session_id: str) -> Session:

@@ -80,9 +80,8 @@ class ClientConnection:
             sender.cancel()
             with contextlib.suppress(asyncio.CancelledError, OSError):
                 await sender
+            self._writer.write(b"".join(self._outbox))
             self._writer.close()
-            with contextlib.suppress(OSError):
-                await self._writer.wait_closed()
 
     # What the SDK wants of a transport.
 

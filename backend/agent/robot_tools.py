@@ -27,6 +27,8 @@ from backend.agent.policy import ToolTraits
 log = logging.getLogger(__name__)
 
 CONNECT_TIMEOUT_S = 5.0
+MAX_RESULT_BYTES = 12 * 1024 * 1024
+"""A spoken sentence comes back as sound: half a minute of it is over the SDK's limit of one MiB."""
 PREVIEW_ARGUMENT = "plan_only"
 _TITLE_META = "robot-acp/title"
 
@@ -191,7 +193,7 @@ class RobotTools:
         else:
             headers = {"Authorization": f"Bearer {self._bearer}"} if self._bearer else None
             async with create_mcp_http_client(headers=headers) as http:
-                yield streamable_http_client(self._url, http_client=http)
+                yield streamable_http_client(self._url, http_client=http, max_sse_event_size=MAX_RESULT_BYTES)
 
     async def _still_there(self, client: mcp.Client) -> bool:
         """Whether the server answers at all: tells a refused call from a lost server."""

@@ -119,7 +119,7 @@ class Sessions:
         for call_id in session.history.open_calls:
             session.record(present.tool_status(call_id, "failed", "interrupted"))
         session.record(present.message("I was restarted in the middle of this; what was under way has ended."))
-        session.record(present.turn_ended(turn_id, "cancelled"))
+        session.record(present.turn_ended(turn_id, "interrupted"))
 
     def _in_memory(self, row: SessionRow, history: History, seq: int) -> Session:
         return Session(row, self._journal, history, seq, self._permission_timeout_s, self._spawn)

@@ -185,6 +185,7 @@ async def test_two_prompts_to_one_session_run_one_after_the_other(connect: Opene
         ("go to (0.05, 0.05)", "inside a wall"),
         ("go to (500, 0)", "I did not get there."),
         ("make me a sandwich", "I did not understand that. I am no language model"),
+        ("what can you do?", "I am no language model, only a small set of commands. I can:"),
         ("how is the battery?", "The battery is at"),
         ("which places are there?", "reception"),
     ],
@@ -194,6 +195,13 @@ async def test_answers_in_words_that_a_person_can_act_on(connect: Opener, asked:
     await client.new()
     assert await client.prompt(asked) == "end_turn"
     assert answered in client.said
+
+
+async def test_a_long_speech_comes_back_whole(connect: Opener) -> None:
+    client = await connect()
+    await client.new()
+    await client.prompt("say " + "this is a long sentence about lunch " * 11)
+    assert list(ends(client.updates).values()) == ["completed"]
 
 
 async def test_observe_moves_nothing_and_says_why(robot: Robot, connect: Opener) -> None:
@@ -234,7 +242,7 @@ async def test_stop_and_release_over_acp(robot: Robot, connect: Opener) -> None:
         await local.new()
         await local.prompt("go to the kitchen")
         assert "Stopped by Vic" in local.said
-        with pytest.raises(RefusedError, match="A viewer may not release"):
+        with pytest.raises(RefusedError, match="The role viewer may not release"):
             await viewer.link.request("_robot/release", {})
     finally:
         assert (await local.link.request("_robot/release", {}))["stopped"] is None
@@ -254,8 +262,8 @@ async def test_telemetry_is_for_those_who_ask_for_it(connect: Opener) -> None:
 @pytest.mark.parametrize(
     ("role", "method", "params", "error"),
     [
-        (Role.VIEWER, "session/new", {"cwd": "/", "mcpServers": []}, "A viewer may not prompt"),
-        (Role.VISITOR, "session/set_mode", {"modeId": "autonomous"}, "A visitor may not configure"),
+        (Role.VIEWER, "session/new", {"cwd": "/", "mcpServers": []}, "The role viewer may not prompt"),
+        (Role.VISITOR, "session/set_mode", {"modeId": "autonomous"}, "The role visitor may not configure"),
     ],
 )
 async def test_roles_limit_what_one_may_do(

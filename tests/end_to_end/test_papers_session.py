@@ -115,6 +115,7 @@ async def test_the_papers_session(up: Up, open_page: Opener, pictures: Path) -> 
         driving = page.get_by_test_id("tool-card").filter(has_text="Drive to lab 2.3.7")
         await expect(driving).to_contain_text("m to go, about")
         await expect(page.get_by_test_id("robot-state")).to_contain_text("driving to lab 2.3.7")
+        await watched.until(lambda: watched.distance_to(start.x, start.y) > 3, "the robot to be on its way")
         await page.screenshot(path=pictures / "driving.png")
         phone = await open_page(up.login_url, viewport={"width": 390, "height": 844}, device_scale_factor=2)
         await expect(phone.get_by_test_id("tool-card").last).to_contain_text("m to go, about")

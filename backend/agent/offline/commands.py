@@ -19,6 +19,7 @@ from backend.agent.offline.grammar import (
     GoToPoint,
     Say,
     TakePhoto,
+    TellAbilities,
     TellBattery,
     TellPlaces,
     TellPose,
@@ -63,8 +64,9 @@ def respond(messages: list[dict[str, Any]], tools: list[dict[str, Any]]) -> Repl
     if not tools:
         return Reply(report.intention(actions, _listed(system, "ask a person first")))
     book = Toolbox(tools)
-    if not actions:
-        return Reply(report.help_text(book.abilities()))
+    if not actions or actions == [TellAbilities()]:
+        excuse = "" if actions else "I did not understand that. "
+        return Reply(excuse + report.help_text(book.abilities()))
     past = [d for d in _done(since) if d.tool != _PLAN]
     return _Turn(book, actions, system, past, _last_plan(since)).next()
 
@@ -105,6 +107,9 @@ class _Turn:
         for position, action in enumerate(self._actions):
             if isinstance(action, TellPlaces):
                 told.append("I know these places: " + ", ".join(n.name for n in self._nodes) + ".")
+                continue
+            if isinstance(action, TellAbilities):
+                told.append(report.help_text(self._book.abilities()))
                 continue
             if not outcomes:
                 call = self._call(action)
@@ -173,7 +178,7 @@ class _Turn:
                 return book.status()
             case TellPose():
                 return book.pose()
-            case TellPlaces():
+            case TellPlaces() | TellAbilities():
                 return None
 
 

@@ -65,7 +65,12 @@ class TellPlaces:
     """Tell which places there are."""
 
 
-Action = GoTo | GoToPoint | GoBack | Say | Turn | TakePhoto | TellBattery | TellPose | TellPlaces
+@dataclass(frozen=True)
+class TellAbilities:
+    """Tell what can be asked for."""
+
+
+Action = GoTo | GoToPoint | GoBack | Say | Turn | TakePhoto | TellBattery | TellPose | TellPlaces | TellAbilities
 
 _GO = r"(?:go|drive|navigate|move|head|walk|come|run|get)"
 _TAKE = r"(?:take|bring|guide|lead|show|accompany)\s+(?:me|us)"

@@ -14,6 +14,7 @@ from backend.agent.offline.grammar import (
     GoToPoint,
     Say,
     TakePhoto,
+    TellAbilities,
     TellBattery,
     TellPlaces,
     TellPose,
@@ -26,10 +27,8 @@ _SPEECH = re.compile(r"speak|say|announce|talk|tts", re.I)
 def help_text(abilities: list[str]) -> str:
     """What can be asked for."""
     listed = "\n".join(f"- {ability}" for ability in abilities)
-    return (
-        "I did not understand that. I am no language model, only a small set of commands. I can:\n\n"
-        f"{listed}\n\nSteps can follow each other: “go to …, say …, then come back”."
-    )
+    follow = "Steps can follow each other: “go to …, say …, then come back”."
+    return f"I am no language model, only a small set of commands. I can:\n\n{listed}\n\n{follow}"
 
 
 def intention(actions: list[Action], asks: list[str]) -> str:
@@ -65,6 +64,8 @@ def _intended(action: Action, asking: bool) -> list[str]:
             return ["look where I am"]
         case TellPlaces():
             return ["read the map"]
+        case TellAbilities():
+            return ["tell you what I can do"]
 
 
 def plan_entry(action: Action) -> str:
@@ -88,6 +89,8 @@ def plan_entry(action: Action) -> str:
             return "Look where I am"
         case TellPlaces():
             return "Tell the places"
+        case TellAbilities():
+            return "Tell what I can do"
 
 
 def impossible(action: Action) -> str:
@@ -128,7 +131,7 @@ def outcome(action: Action, result: str, failed: bool) -> str:
             return _battery(data)
         case TellPose():
             return _pose(data)
-        case TellPlaces():
+        case TellPlaces() | TellAbilities():
             return ""
 
 
