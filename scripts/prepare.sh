@@ -1,4 +1,5 @@
 # Sourced by run.sh and test.sh, in the project's folder: makes what they need, and only what is missing.
+# Shell variables are global: each function has names of its own.
 # Afterwards `.venv` holds the locked packages and `web/dist` the web app; a second call installs nothing.
 
 fail() { printf '%s\n' "$*" >&2; exit 1; }
@@ -18,8 +19,8 @@ find_python() {
 
 # prepare_python LOCK: the packages of a lock file, and the project itself, in .venv.
 prepare_python() {
-  stamp=".venv/.installed-$1-$(hash_of "$1" pyproject.toml)"
-  [ -f "$stamp" ] && return
+  python_stamp=".venv/.installed-$1-$(hash_of "$1" pyproject.toml)"
+  [ -f "$python_stamp" ] && return
   if ! [ -x .venv/bin/python ]; then
     python=$(find_python) || exit 1
     printf 'Making .venv with %s …\n' "$("$python" --version)"
@@ -31,7 +32,7 @@ prepare_python() {
   .venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e . ||
     fail "The project could not be installed into .venv; the lines above say why."
   rm -f .venv/.installed-"$1"-*
-  : >"$stamp"
+  : >"$python_stamp"
 }
 
 # Puts a Node of version 20 or newer on the PATH: the machine's, else one that comes as a Python package.
@@ -45,23 +46,23 @@ find_node() {
 }
 
 prepare_node_modules() {
-  stamp="web/node_modules/.installed-$(hash_of web/package-lock.json web/package.json)"
-  [ -f "$stamp" ] && return
+  modules_stamp="web/node_modules/.installed-$(hash_of web/package-lock.json web/package.json)"
+  [ -f "$modules_stamp" ] && return
   find_node
   printf 'Installing the packages of the web app …\n'
   (cd web && npm ci --silent --no-audit --no-fund) || fail "The web app's packages could not be installed."
-  : >"$stamp"
+  : >"$modules_stamp"
 }
 
 prepare_web() {
   sources=$(find web -type f -not -path 'web/node_modules/*' -not -path 'web/dist/*' | LC_ALL=C sort)
   # The names of the sources hold no spaces; a file that is added, changed or removed changes the hash.
   # shellcheck disable=SC2086
-  stamp="web/dist/.built-$( { printf '%s' "$sources"; hash_of $sources; } | hash_of -)"
-  [ -f "$stamp" ] && return
+  web_stamp="web/dist/.built-$( { printf '%s' "$sources"; hash_of $sources; } | hash_of -)"
+  [ -f "$web_stamp" ] && return
   prepare_node_modules
   find_node
   printf 'Building the web app …\n'
   (cd web && npm run --silent build) || fail "The web app could not be built; the lines above say why."
-  : >"$stamp"
+  : >"$web_stamp"
 }

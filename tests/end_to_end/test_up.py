@@ -13,6 +13,7 @@ import httpx
 from tests.end_to_end.conftest import start
 from tests.processes import PATIENCE_S, Robot, end, listens, wait_until
 
+ROOT = Path(__file__).parent.parent.parent
 END_S = 5.0
 
 
@@ -82,3 +83,10 @@ def test_a_setting_that_cannot_be_used_is_named(tmp_path: Path) -> None:
     assert process.returncode == 2
     assert "robot.max_sped" in error
     assert "robot.limits.max_speed" in error
+
+
+def test_a_second_start_installs_and_builds_nothing() -> None:
+    prepare = ["sh", "-c", ". scripts/prepare.sh && prepare_python requirements-dev.lock && prepare_web"]
+    for _ in range(2):
+        done = subprocess.run(prepare, cwd=ROOT, text=True, capture_output=True, check=True)
+    assert (done.stdout, done.stderr) == ("", "")
