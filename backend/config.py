@@ -69,6 +69,7 @@ class Agent(_Section):
     thought_timeout: float = Field(5.0, gt=0, description="seconds that acting waits for the first thought")
     max_steps: int = Field(40, gt=0, description="inferences a turn")
     pose_tool: str = Field("get_current_pose", description="tool that tells where a session started")
+    four_eyes: list[str] = Field([], description="tools that somebody else than the asker must approve")
     policy: dict[str, dict[str, Decision]] = Field({}, description="mode -> tool -> allow, ask or deny")
 
 

@@ -88,6 +88,7 @@ class AcpServer:
         capabilities = client_capabilities.model_dump(by_alias=True) if client_capabilities else {}
         who = self._connection.identity
         log.info("client %s: %s", self._connection.id, f"{who.name}, {who.role.value}" if who else "not logged in")
+        self._connection.client_capabilities = capabilities
         self._follow_robot((capabilities.get("_meta") or {}).get("robot-acp/telemetry"))
         return self._hello()
 

@@ -66,6 +66,16 @@ class ClientConnection:
         """Whether permission questions go to this connection."""
         return self.identity is not None and self.identity.may(Right.APPROVE)
 
+    @property
+    def takes_files(self) -> bool:
+        """Whether the client said that it writes files."""
+        return bool((self.client_capabilities.get("fs") or {}).get("writeTextFile"))
+
+    @property
+    def takes_forms(self) -> bool:
+        """Whether the client said that it shows forms."""
+        return isinstance((self.client_capabilities.get("elicitation") or {}).get("form"), dict)
+
     async def serve(self, router: MessageRouter) -> None:
         """Handle messages until the client goes away."""
         rpc = Connection(_Guarded(router), self, listening=False)

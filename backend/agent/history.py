@@ -26,6 +26,8 @@ class History:
         self._tools: dict[str, str] = {}
         self._plans = 0
         self._turn_id: str | None = None
+        self.remembered: dict[str, bool] = {}
+        """Tool name -> allowed, for answers that count for the rest of the session."""
         self.interrupted: str | None = None
         """The id of a turn that began and has not ended; None otherwise."""
 
@@ -48,8 +50,10 @@ class History:
             self._plan(update["entries"])
         elif kind == "tool_call":
             self._tool_call(update, meta.get("robot-acp/tool", update["title"]))
-        elif kind == "tool_call_update" and update.get("status") in ("completed", "failed"):
-            self._tool_result(update)
+        elif kind == "tool_call_update":
+            self._remember(update["toolCallId"], meta.get("robot-acp/decision") or {})
+            if update.get("status") in ("completed", "failed"):
+                self._tool_result(update)
 
     def messages(self, max_chars: int = MAX_CHARS) -> list[Message]:
         """The newest whole turns that fit into `max_chars`, and always the last one."""
@@ -98,6 +102,11 @@ class History:
             last["tool_calls"] = calls  # what it said just before is part of the same message
         else:
             turn.append({"role": "assistant", "content": None, "tool_calls": calls})
+
+    def _remember(self, call_id: str, decision: dict[str, Any]) -> None:
+        option = str(decision.get("option"))
+        if decision.get("reason") == "selected" and option.endswith("_always") and call_id in self._tools:
+            self.remembered[self._tools[call_id]] = option == "allow_always"
 
     def _tool_result(self, update: dict[str, Any]) -> None:
         call_id = update["toolCallId"]

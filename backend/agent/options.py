@@ -29,6 +29,7 @@ def state(session: Session, models: Sequence[str]) -> dict[str, Any]:
             "currentModelId": current,
             "availableModels": [{"modelId": name, "name": name} for name in _with(models, current)],
         },
+        "_meta": {"robot-acp/remembered": session.remembered},
     }
 
 
@@ -51,6 +52,21 @@ def config_options(session: Session, models: Sequence[str]) -> list[dict[str, An
             "currentValue": session.row.model,
             "options": [{"value": name, "name": name} for name in _with(models, session.row.model)],
         },
+        {
+            "id": "thought",
+            "name": "First thought",
+            "description": "Say in a sentence what is about to be done.",
+            "category": "thought_level",
+            "type": "boolean",
+            "currentValue": session.row.thought,
+        },
+        {
+            "id": "motion_asks",
+            "name": "Ask before driving",
+            "description": "Motion asks a person first, also where the mode lets it go.",
+            "type": "boolean",
+            "currentValue": session.row.motion_asks,
+        },
     ]
 
 
@@ -66,8 +82,12 @@ def change(session: Session, config_id: str, value: object, models: Sequence[str
         if value not in models:
             raise ValueError(f"There is no such model. Models: {', '.join(models)}.")
         session.change(model=value)
+    elif config_id in ("thought", "motion_asks"):
+        if not isinstance(value, bool):
+            raise ValueError(f"The setting {config_id} is true or false.")
+        session.change(**{config_id: value})
     else:
-        raise ValueError("There is no such setting. Settings: mode, model.")
+        raise ValueError("There is no such setting. Settings: mode, model, thought, motion_asks.")
     return [*updates, present.config_options(config_options(session, models))]
 
 

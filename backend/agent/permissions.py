@@ -71,6 +71,7 @@ class Question:
 
     params: dict[str, Any]
     verdict: asyncio.Future[Verdict]
+    not_by: str | None = None
     asked: dict[Approver, asyncio.Task[None]] = field(default_factory=dict)
 
 
@@ -100,12 +101,14 @@ class PermissionDesk:
             if not question.asked and not question.verdict.done():
                 question.verdict.set_result(Verdict(False, "nobody"))
 
-    async def ask(self, session_id: str, tool_call: dict[str, Any], subject: str, asker: str) -> Verdict:
-        """Ask everyone who may approve, and wait for the first valid answer, at most for the time limit.
+    async def ask(
+        self, session_id: str, tool_call: dict[str, Any], subject: str, asker: str, not_by: str | None = None
+    ) -> Verdict:
+        """Ask everyone who may approve but `not_by`, and wait for the first valid answer, at most for the time limit.
 
         Cancelling the call withdraws the question everywhere.
         """
-        if not self._approvers:
+        if not any(approver.name != not_by for approver in self._approvers):
             return Verdict(False, "nobody")
         expires = datetime.now(UTC) + timedelta(seconds=self._timeout_s)
         params = {
@@ -118,7 +121,7 @@ class PermissionDesk:
                 "robot-acp/asker": asker,
             },
         }
-        question = Question(params, asyncio.get_running_loop().create_future())
+        question = Question(params, asyncio.get_running_loop().create_future(), not_by)
         self._pending.append(question)
         for approver in self._approvers:
             self._put(question, approver)
@@ -133,6 +136,8 @@ class PermissionDesk:
                 task.cancel()
 
     def _put(self, question: Question, approver: Approver) -> None:
+        if approver.name == question.not_by:
+            return
         question.asked[approver] = self._spawn(self._put_to(question, approver))
 
     async def _put_to(self, question: Question, approver: Approver) -> None:

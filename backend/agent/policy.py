@@ -76,8 +76,14 @@ class Policy:
             raise ValueError(f"[agent.policy] names no mode {sorted(unknown)[0]!r}; modes: {', '.join(MODES_IN_ORDER)}")
         self._table = {mode: DEFAULT_TABLE[mode] | overrides.get(mode, {}) for mode in MODES_IN_ORDER}
 
-    def decide(self, mode: str, tool: ToolTraits) -> Decision:
-        """Whether `tool` may run in `mode`."""
+    def decide(self, mode: str, tool: ToolTraits, motion_asks: bool = False) -> Decision:
+        """Whether `tool` may run in `mode`; `motion_asks` is a session's wish that motion asks where it is free."""
+        decision = self._by_mode(mode, tool)
+        if decision == "allow" and motion_asks and (tool.name in _MOTION or tool.can_preview):
+            return "ask"
+        return decision
+
+    def _by_mode(self, mode: str, tool: ToolTraits) -> Decision:
         if named := self._table[mode].get(tool.name):
             return named
         if tool.read_only:

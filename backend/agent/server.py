@@ -109,7 +109,17 @@ async def _house(settings: Settings) -> AsyncIterator[House]:
         sessions=sessions,
         journal=journal,
         link=link,
-        bench=Workbench(settings.robot.name, tools, policy, link, Lease(), agent.thought_timeout, agent.max_steps),
+        bench=Workbench(
+            settings.robot.name,
+            tools,
+            policy,
+            link,
+            store,
+            Lease(),
+            agent.thought_timeout,
+            agent.max_steps,
+            frozenset(agent.four_eyes),
+        ),
         models=tuple(dict.fromkeys([agent.model, *agent.models, model.OFFLINE_MODEL])),
     )
     background = [

@@ -28,6 +28,14 @@ class Listener(Approver, Protocol):
     def may_approve(self) -> bool:
         """Whether permission questions go to this connection."""
 
+    @property
+    def takes_files(self) -> bool:
+        """Whether the client writes files for the agent."""
+
+    @property
+    def takes_forms(self) -> bool:
+        """Whether the client can show a form to the person."""
+
     def deliver(self, frame: bytes) -> None:
         """Send a frame soon; never waits, never raises."""
 
@@ -51,8 +59,6 @@ class Session:
         self.history = history
         self.seq = seq
         self.desk = PermissionDesk(permission_timeout_s, spawn)
-        self.remembered: dict[str, bool] = {}
-        """Tool name -> allowed, for answers that count for the rest of the session."""
         self.turn_id: str | None = None
         """The running turn; None between turns."""
         self.turn_by: str | None = None
@@ -68,6 +74,11 @@ class Session:
     def id(self) -> str:
         """The session id of ACP."""
         return self.row.id
+
+    @property
+    def remembered(self) -> dict[str, bool]:
+        """Tool name -> allowed, for answers that count for the rest of the session."""
+        return self.history.remembered
 
     @property
     def watching(self) -> frozenset[Listener]:

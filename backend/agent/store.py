@@ -30,6 +30,8 @@ _sessions = sa.Table(
     sa.Column("mode", sa.String(40), nullable=False),
     sa.Column("model", sa.String(200), nullable=False),
     sa.Column("start_pose", sa.JSON),
+    sa.Column("thought", sa.Boolean, nullable=False),
+    sa.Column("motion_asks", sa.Boolean, nullable=False),
     sa.Column("created", sa.Float, nullable=False),
     sa.Column("updated", sa.Float, nullable=False, index=True),
 )
@@ -49,7 +51,8 @@ _T = TypeVar("_T")
 @dataclass(frozen=True)
 class SessionRow:
     """What is kept of a session besides its events. Times are Unix seconds; `start_pose` is what the robot's
-    pose tool told when the session began, or None."""
+    pose tool told when the session began, or None; `thought` whether a preliminary thought is made, `motion_asks`
+    whether motion asks a person first where the mode would let it go."""
 
     id: str
     owner: str
@@ -60,6 +63,8 @@ class SessionRow:
     start_pose: dict[str, Any] | None
     created: float
     updated: float
+    thought: bool = True
+    motion_asks: bool = False
 
 
 @dataclass(frozen=True)

@@ -12,15 +12,17 @@ import time
 import uuid
 from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
-from backend.agent import model, present, prompts
+from backend.agent import commands, export, model, present, prompts
 from backend.agent.history import PLAN_TOOL, Message
 from backend.agent.lease import Claim, Lease
 from backend.agent.permissions import Verdict
-from backend.agent.policy import MODES, Policy
+from backend.agent.policy import MODES, Decision, Policy
+from backend.agent.robot_link import RobotLink, RobotLinkError
 from backend.agent.robot_tools import PREVIEW_ARGUMENT, Progress, RobotTools, RobotUnavailable, Tool
 from backend.agent.session import Listener, Session
+from backend.agent.store import Store
 
 log = logging.getLogger(__name__)
 
@@ -31,13 +33,6 @@ CHUNK_EVERY_S = 0.04
 Infer = Callable[[str, list[Message], list[dict[str, Any]]], AsyncIterator[model.Part]]
 
 
-class Rest(Protocol):
-    """Something that knows whether the robot moves."""
-
-    async def at_rest(self) -> None:
-        """Return when the robot stands still, or when that cannot be known."""
-
-
 @dataclass(frozen=True)
 class Workbench:
     """What every turn works with; one for the whole agent."""
@@ -45,10 +40,13 @@ class Workbench:
     robot_name: str
     tools: RobotTools
     policy: Policy
-    rest: Rest
+    link: RobotLink
+    store: Store
     lease: Lease
     thought_timeout_s: float
     max_steps: int
+    four_eyes: frozenset[str] = frozenset()
+    """Tools that somebody else than the asker must approve."""
     infer: Infer = model.stream
 
 
@@ -67,6 +65,8 @@ class Turn:
     _acted: bool = False
     _claim: Claim | None = None
     _lost_to: str | None = None
+    _model: str | None = None
+    """What runs this turn, where it is not the session's model."""
     _named: str | None = None
     _usage: present.Update | None = None
 
@@ -84,7 +84,7 @@ class Turn:
             reason = "cancelled"
             self._close_calls("cancelled")
             if self._acted:
-                await self.bench.rest.at_rest()
+                await self.bench.link.at_rest()
             if self._lost_to is not None:
                 self.session.record(present.message(f"{self._lost_to} took the robot over, so I stopped here."))
         except (RobotUnavailable, model.ModelError) as error:
@@ -104,11 +104,18 @@ class Turn:
         return reason
 
     async def _work(self) -> str:
+        command = commands.named_in(self.prompt)
+        if command in ("stop", "export"):
+            self.session.record(present.message(await self._own_command(command)))
+            return "end_turn"
+        if command is not None:
+            self._model = model.OFFLINE_MODEL
         tools = await self.bench.tools.tools()
         # Just after the start this takes seconds, which are not the thought's.
         await model.ready()
         system = self._system(tools)
-        thinking = asyncio.create_task(self._think(system), name="preliminary thought")
+        wants_thought = self.session.row.thought and command is None
+        thinking = asyncio.create_task(self._think(system, wants_thought), name="preliminary thought")
         try:
             return await self._loop(tools, thinking)
         finally:
@@ -128,19 +135,35 @@ class Turn:
         self.session.record(present.message("I stopped here: this took more steps than I am allowed in one turn."))
         return "max_turn_requests"
 
-    async def _think(self, system: str) -> None:
-        """The preliminary thought. That it fails is no reason not to go on."""
+    async def _own_command(self, command: str) -> str:
+        """What the agent itself does for `/stop` and `/export`, in words."""
+        if command == "stop":
+            try:
+                await self.bench.link.stop(self.asker)
+            except RobotLinkError as error:
+                return str(error)
+            return "I am stopped. A supervisor has to release me."
+        return await export.hand_over(self.session, self.bench.store, self.origin)
+
+    async def _think(self, system: str, wanted: bool) -> None:
+        """The preliminary thought, and the session's name. That it fails is no reason not to go on."""
+        if not wanted:
+            self._tell_name()
+            return
         messages = [{"role": "system", "content": prompts.thought(system)}, *self.session.history.messages()]
         words = _Chunks(lambda text: self.session.record(present.thought(text)))
         try:
             async with asyncio.timeout(self.bench.thought_timeout_s):
-                async for part in self.bench.infer(self.session.row.model, messages, []):
+                async for part in self.bench.infer(self._model or self.session.row.model, messages, []):
                     if isinstance(part, model.Text):
                         words.add(part.text)
         except (TimeoutError, model.ModelError) as error:
             log.info("no preliminary thought: %s", error or "too slow")
         words.flush()
-        if self._named:  # only now, so that the thought is the first thing that people see of the turn
+        self._tell_name()  # only now, so that the thought is the first thing that people see of the turn
+
+    def _tell_name(self) -> None:
+        if self._named:
             self.session.record(present.title(self._named))
 
     async def _infer(
@@ -150,7 +173,7 @@ class Turn:
         calls: list[model.Call] = []
         said = _Chunks(lambda text: self.session.record(present.message(text)))
         thoughts = _Chunks(lambda text: self.session.record(present.thought(text)))
-        async for part in self.bench.infer(self.session.row.model, messages, schemas):
+        async for part in self.bench.infer(self._model or self.session.row.model, messages, schemas):
             await asyncio.wait([thinking])
             match part:
                 case model.Text(text):
@@ -196,7 +219,7 @@ class Turn:
     async def _allowed(self, call_id: str, tool: Tool, arguments: dict[str, Any]) -> bool:
         """Whether the call may run; if not, it has been ended with the reason."""
         mode = self.session.row.mode
-        decision = self.bench.policy.decide(mode, tool.traits)
+        decision = self._decide(tool)
         if decision == "deny":
             name = next(m.name for m in MODES if m.id == mode)
             self._end(call_id, present.tool_status(call_id, "failed", f"not allowed in the mode {name}"))
@@ -209,11 +232,15 @@ class Turn:
             self._end(call_id, present.tool_status(call_id, "failed", text, verdict))
             return False
         # A mode that was changed while people thought about it counts.
-        if self.bench.policy.decide(self.session.row.mode, tool.traits) == "deny":
+        if self._decide(tool) == "deny":
             self._end(call_id, present.tool_status(call_id, "failed", "the mode was changed meanwhile", verdict))
             return False
         self.session.record(present.tool_status(call_id, "in_progress", verdict=verdict))
         return True
+
+    def _decide(self, tool: Tool) -> Decision:
+        row = self.session.row
+        return self.bench.policy.decide(row.mode, tool.traits, row.motion_asks)
 
     async def _ask(self, call_id: str, tool: Tool, arguments: dict[str, Any]) -> Verdict:
         remembered = self.session.remembered.get(tool.name)
@@ -223,10 +250,8 @@ class Turn:
         del shown["sessionUpdate"]
         # A question must not overtake the announcement of the call that it is about.
         await self.session.flushed()
-        verdict = await self.session.desk.ask(self.session.id, shown, tool.title, self.asker)
-        if verdict.remembered:
-            self.session.remembered[tool.name] = verdict.allowed
-        return verdict
+        not_by = self.asker if tool.name in self.bench.four_eyes else None
+        return await self.session.desk.ask(self.session.id, shown, tool.title, self.asker, not_by)
 
     async def _execute(self, call_id: str, tool: Tool, arguments: dict[str, Any], looks: bool) -> None:
         if not looks:
@@ -285,7 +310,7 @@ class Turn:
         row = self.session.row
         mode = next(m for m in MODES if m.id == row.mode)
         judged = {
-            name: self.bench.policy.decide(row.mode, tool.traits)
+            name: self._decide(tool)
             for name, tool in tools.items()
             if not self.bench.policy.previews(row.mode, tool.traits)
         }

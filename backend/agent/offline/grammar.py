@@ -110,9 +110,19 @@ _BACK = re.compile(
 _THEM = r"(?:them|everyone|everybody|people|the\s+people|him|her|us|it|all|the\s+team|visitors|the\s+visitors)"
 
 
+_COMMANDS = {
+    "/home": "go back to where you started",
+    "/where": "where are you?",
+    "/battery": "how is the battery?",
+    "/photo": "take a photo",
+    "/places": "which places are there?",
+}
+
+
 def parse(text: str) -> list[Action]:
     """The actions that `text` asks for, in order; an empty list when any part of it is not understood."""
     quotes: list[str] = []
+    text = _COMMANDS.get(text.strip().lower(), text)
 
     def keep(match: re.Match[str]) -> str:
         quotes.append(match.group(1) if match.group(1) is not None else match.group(2))

@@ -1,0 +1,33 @@
+"""The slash commands: what a person can have done without any model. They pass the same policy as everything else.
+
+`/stop` and `/export` are the agent's own; the others are understood by the command grammar of the offline model, which
+runs them whatever model the session has.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+_COMMANDS = {
+    "stop": "Stop the robot at once; a supervisor releases it.",
+    "home": "Drive back to where this session started.",
+    "where": "Tell where the robot is.",
+    "battery": "Tell the charge of the battery.",
+    "photo": "Take a photo and show it.",
+    "places": "List the places that the robot knows.",
+    "export": "Hand over the log of this session as a file.",
+}
+
+
+def available() -> list[dict[str, Any]]:
+    """The commands as ACP publishes them."""
+    return [{"name": name, "description": description} for name, description in _COMMANDS.items()]
+
+
+def named_in(prompt: list[dict[str, Any]]) -> str | None:
+    """The command that a prompt is, without its slash; None when it is none."""
+    if len(prompt) != 1 or prompt[0].get("type") != "text":
+        return None
+    text = prompt[0]["text"].strip().lower()
+    name = text.removeprefix("/")
+    return name if text.startswith("/") and name in _COMMANDS else None
