@@ -72,14 +72,14 @@ class Identity:
         return right in _RIGHTS[self.role]
 
 
-def issue(key: bytes, name: str, role: Role, lifetime_s: float) -> str:
-    """A signed token for `name` in `role`, valid from now for `lifetime_s` seconds."""
+def issue(key: bytes, name: str, role: Role, lifetime_s: float, token_id: str | None = None) -> str:
+    """A signed token for `name` in `role`, valid from now for `lifetime_s` seconds; `tokens.create` records it, too."""
     now = time.time()
     claims = {
         "aud": _AUDIENCE,
         "sub": name,
         "role": role.value,
-        "jti": uuid.uuid4().hex,
+        "jti": token_id or uuid.uuid4().hex,
         "iat": int(now),
         "exp": int(now + lifetime_s),
     }

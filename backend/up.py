@@ -17,7 +17,7 @@ from pathlib import Path
 
 import httpx
 
-from backend import identity
+from backend import identity, tokens
 from backend.config import ConfigError, Settings
 from backend.identity import Role
 
@@ -39,9 +39,10 @@ async def run(settings: Settings, config_file: Path | None) -> int:
         loop.add_signal_handler(number, ending.set)
     environment = _environment(settings, config_file)
     identity.shared_secret(settings.data_dir, identity.ROBOT_TOKEN)
+    token = tokens.create(settings.data_dir, "supervisor", Role.SUPERVISOR, LOGIN_DAYS * 86400)
     async with asyncio.TaskGroup() as group:
         keepers = [group.create_task(_keep(name, environment)) for name in NAMES]
-        greeter = group.create_task(_greet(settings))
+        greeter = group.create_task(_greet(settings, token))
         await ending.wait()
         for task in (*keepers, greeter):
             task.cancel()
@@ -101,7 +102,7 @@ async def _end(process: asyncio.subprocess.Process) -> None:
             await process.wait()
 
 
-async def _greet(settings: Settings) -> None:
+async def _greet(settings: Settings, token: str) -> None:
     """Wait for the page to answer, then say where it is."""
     base = f"http://{settings.bridge.host}:{settings.bridge.port}"
     async with httpx.AsyncClient(trust_env=False, timeout=1.0) as client:
@@ -110,8 +111,6 @@ async def _greet(settings: Settings) -> None:
                 if (await client.get(f"{base}/")).is_success:
                     break
             await asyncio.sleep(0.05)
-    key = identity.shared_secret(settings.data_dir, identity.SIGNING_KEY)
-    token = identity.issue(key, "supervisor", Role.SUPERVISOR, LOGIN_DAYS * 86400)
     print(f"\n{settings.robot.name} is ready. Open this address in a browser:\n\n  {base}/#token={token}\n", flush=True)
 
 

@@ -22,8 +22,9 @@ from pathlib import Path
 
 import orjson
 
-from backend import config, identity
+from backend import config, tokens
 from backend.bridge import server
+from backend.identity import Role
 
 INITIALIZE = b'{"jsonrpc":"2.0","id":0,"method":"initialize","params":{"protocolVersion":1}}'
 REQUEST = b'{"jsonrpc":"2.0","id":%d,"method":"session/list","params":{}}'
@@ -199,8 +200,7 @@ def main() -> None:
         bridge = spawn.Process(target=run_bridge, args=(flags, address), daemon=True)
         bridge.start()
         bridge_port = address.get(timeout=20)
-        key = identity.shared_secret(Path(folder), identity.SIGNING_KEY)
-        token = identity.issue(key, "bench", identity.Role.OPERATOR, 3600)
+        token = tokens.create(Path(folder), "bench", Role.OPERATOR, 3600)
         print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
         try:
             connecting = Measurement.connect(agent_port, bridge_port, token)

@@ -17,7 +17,7 @@ from typing import Any
 
 from websockets.asyncio.client import connect
 
-from backend import identity, telemetry
+from backend import identity, telemetry, tokens
 from backend.chat.link import Link, open_link
 from backend.identity import Role
 
@@ -83,7 +83,7 @@ class Robot:
             end(process)
 
     def token(self, name: str, role: Role, seconds: float = 3600.0) -> str:
-        return identity.issue(identity.shared_secret(self.data, identity.SIGNING_KEY), name, role, seconds)
+        return tokens.create(self.data, name, role, seconds)
 
     @property
     def robot_headers(self) -> dict[str, str]:
@@ -219,12 +219,17 @@ class Client:
         await self.link.notify("session/cancel", {"sessionId": self.session})
 
     @property
+    def events(self) -> list[dict[str, Any]]:
+        """The numbered events; what belongs to the connection alone, as the list of commands, has no number."""
+        return [m["params"] for m in self.heard if m["method"] == "session/update" and "_meta" in m["params"]]
+
+    @property
     def updates(self) -> list[dict[str, Any]]:
-        return [m["params"]["update"] for m in self.heard if m["method"] == "session/update"]
+        return [event["update"] for event in self.events]
 
     @property
     def numbers(self) -> list[int]:
-        return [m["params"]["_meta"]["robot-acp/seq"] for m in self.heard if m["method"] == "session/update"]
+        return [event["_meta"]["robot-acp/seq"] for event in self.events]
 
     def of(self, kind: str) -> list[dict[str, Any]]:
         return [u for u in self.updates if u["sessionUpdate"] == kind]

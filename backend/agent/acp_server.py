@@ -6,9 +6,11 @@ types. Nothing here talks to the robot or to a model: that is the turn.
 
 from __future__ import annotations
 
+import asyncio
 import logging
 from typing import Any
 
+import orjson
 from acp.agent.router import build_agent_router
 from acp.exceptions import RequestError
 from acp.router import MessageRouter
@@ -21,16 +23,18 @@ from acp.schema import (
     Implementation,
     InitializeResponse,
     ListSessionsResponse,
+    LogoutRequest,
+    LogoutResponse,
     McpCapabilities,
     PromptCapabilities,
     PromptResponse,
     SessionCapabilities,
     SessionInfo,
 )
-from pydantic import BaseModel
+from pydantic import BaseModel, Field
 
 from backend import __version__, identity, wire
-from backend.agent import options
+from backend.agent import commands, options
 from backend.agent.connection import ClientConnection
 from backend.agent.house import House
 from backend.agent.robot_link import RobotLinkError
@@ -38,6 +42,7 @@ from backend.agent.session import Session
 from backend.agent.telemetry_feed import TelemetryFeed
 from backend.agent.turn import Turn
 from backend.identity import Identity, Right, Role
+from backend.tokens import RegistryError
 
 log = logging.getLogger(__name__)
 
@@ -47,6 +52,14 @@ _AFTER = "robot-acp/after"
 _TURN = "robot-acp/turn"
 
 
+class SetModelRequest(BaseModel):
+    """`session/set_model`, which the protocol has dropped and clients in the field still send."""
+
+    session_id: str = Field(alias="sessionId")
+    model_id: str = Field(alias="modelId")
+    field_meta: dict[str, Any] | None = Field(None, alias="_meta")
+
+
 class AcpServer:
     """The agent as one client sees it. A plain class, so that an operation that is missing is an error."""
 
@@ -54,12 +67,16 @@ class AcpServer:
         self._house = house
         self._connection = connection
         self._attached: dict[str, Session] = {}
+        self._attaching = asyncio.Lock()
+        self._greeted = False
         self._feed: TelemetryFeed | None = None
 
     def router(self) -> MessageRouter:
         """The SDK's routes, and those that it lacks."""
         router = build_agent_router(self, use_unstable_protocol=True)  # type: ignore[arg-type] # see the class
         router.route_request("session/delete", DeleteSessionRequest, self, "delete_session")
+        router.route_request("session/set_model", SetModelRequest, self, "set_model")
+        router.route_request("logout", LogoutRequest, self, "logout")
         return router
 
     def left(self) -> None:
@@ -80,12 +97,15 @@ class AcpServer:
     ) -> InitializeResponse:
         """Agree on the version, and learn who this is: by the bridge's token, or because it comes from here."""
         del protocol_version, client_info  # there is one version
+        if self._greeted:
+            return self._hello()  # who this is has been settled, and stays
         token = (meta or {}).get(wire.TOKEN_META)
         if token is not None:
             self._identify(token)
         elif self._connection.local and self._house.settings.agent.trust_loopback:
             self._connection.identity = Identity("local", Role.SUPERVISOR)
         capabilities = client_capabilities.model_dump(by_alias=True) if client_capabilities else {}
+        self._greeted = True
         who = self._connection.identity
         log.info("client %s: %s", self._connection.id, f"{who.name}, {who.role.value}" if who else "not logged in")
         self._connection.client_capabilities = capabilities
@@ -98,12 +118,26 @@ class AcpServer:
         if method_id != "token" or not isinstance(token, str):
             raise RequestError(wire.INVALID_PARAMS, f'Authenticate with method "token" and {wire.TOKEN_META} in _meta.')
         self._identify(token)
+        self._judge()
         return AuthenticateResponse()
+
+    async def logout(self, meta: dict[str, Any] | None = None) -> LogoutResponse:
+        """Forget who this is: nothing is shown to it, and it is asked nothing, until it authenticates."""
+        del meta
+        self._connection.identity = None
+        for session in self._attached.values():
+            session.detach(self._connection)
+        self._attached.clear()
+        return LogoutResponse()
+
+    def _judge(self) -> None:
+        for session in self._attached.values():
+            session.judge(self._connection)
 
     def _identify(self, token: object) -> None:
         try:
-            self._connection.identity = identity.verify(self._house.signing_key, str(token))
-        except identity.InvalidToken as error:
+            self._connection.identity = self._house.tokens.verify(str(token))
+        except (identity.InvalidToken, RegistryError) as error:
             raise RequestError(wire.AUTH_REQUIRED, str(error)) from None
 
     def _hello(self) -> InitializeResponse:
@@ -120,7 +154,7 @@ class AcpServer:
                 prompt_capabilities=PromptCapabilities(image=True, audio=False, embedded_context=True),
                 mcp_capabilities=McpCapabilities(http=False, sse=False),
                 session_capabilities=SessionCapabilities.model_validate(
-                    {"list": {}, "resume": {}, "close": {}, "delete": {}}
+                    {"list": {}, "resume": {}, "fork": {}, "close": {}, "delete": {}}
                 ),
                 field_meta={"robot-acp": about},
             ),
@@ -177,6 +211,22 @@ class AcpServer:
         await self._attach(session, after)
         return self._opened(session)
 
+    async def fork_session(
+        self,
+        session_id: str,
+        cwd: str,
+        mcp_servers: list[Any] | None = None,
+        additional_directories: list[str] | None = None,
+        meta: dict[str, Any] | None = None,
+    ) -> dict[str, Any]:
+        """A session of one's own with the same past."""
+        del cwd, additional_directories, meta
+        who = self._authorized(Right.PROMPT)
+        self._refuse_servers(mcp_servers)
+        fork = await self._house.sessions.fork(await self._session(session_id), who.name)
+        await self._attach(fork)
+        return {"sessionId": fork.id} | options.state(fork, self._house.models)
+
     async def list_sessions(
         self, cwd: str | None = None, cursor: str | None = None, meta: dict[str, Any] | None = None
     ) -> ListSessionsResponse:
@@ -222,9 +272,13 @@ class AcpServer:
             await self._attach(session)
         blocks = [block.model_dump(mode="json", by_alias=True, exclude_none=True) for block in prompt]
         turn = Turn(self._house.bench, session, who.name, blocks, self._connection)
-        if session.row.start_pose is None and (pose := await self._house.sessions.robot_pose()):
-            session.change(start_pose=pose)
-        reason = await session.run_turn(turn.run)
+
+        async def work() -> str:
+            if session.row.start_pose is None and (pose := await self._house.sessions.robot_pose()):
+                session.change(start_pose=pose)
+            return await turn.run()
+
+        reason = await session.run_turn(work)
         await session.flushed()
         return PromptResponse(stop_reason=reason)
 
@@ -240,6 +294,12 @@ class AcpServer:
         """Change the mode, from the next tool call on."""
         del meta
         await self.set_config_option("mode", session_id, mode_id)
+
+    async def set_model(self, session_id: str, model_id: str, meta: dict[str, Any] | None = None) -> dict[str, Any]:
+        """Change the model, as older clients do."""
+        del meta
+        await self.set_config_option("model", session_id, model_id)
+        return {}
 
     async def set_config_option(
         self, config_id: str, session_id: str, value: str | bool, type: str | None = None, meta: Any = None
@@ -316,19 +376,23 @@ class AcpServer:
 
     async def _attach(self, session: Session, after: int | None = None) -> None:
         self._attached[session.id] = session
-        if after is None:
-            await session.attach(self._connection)
-            return
+        async with self._attaching:  # two replays at once would mix their events
+            if after is None:
+                await session.attach(self._connection)
+            else:
+                await session.attach(self._connection, lambda upto: self._house.sessions.replay(session, after, upto))
+        # The answer that names the session goes first; these belong to the connection, so they have no number.
+        asyncio.get_running_loop().call_soon(self._tell_commands, session.id)
 
-        def replay(upto: int) -> Any:
-            return self._house.sessions.replay(session, after, upto)
-
-        await session.attach(self._connection, replay)
+    def _tell_commands(self, session_id: str) -> None:
+        update = {"sessionUpdate": "available_commands_update", "availableCommands": commands.available()}
+        message = {"jsonrpc": "2.0", "method": "session/update", "params": {"sessionId": session_id, "update": update}}
+        self._connection.deliver(orjson.dumps(message, option=orjson.OPT_APPEND_NEWLINE))
 
     def _opened(self, session: Session) -> dict[str, Any]:
         answer = options.state(session, self._house.models)
         if session.turn_id is not None:
-            answer["_meta"] = {_TURN: {"id": session.turn_id, "state": "running"}}
+            answer["_meta"] |= {_TURN: {"id": session.turn_id, "state": "running"}}
         return answer
 
     def _follow_robot(self, wanted: Any) -> None:

@@ -28,6 +28,8 @@ log = logging.getLogger(__name__)
 MAX_OUTBOX_BYTES = 64 * 1024 * 1024
 """What waits for a client that does not read; beyond it the client is cut off."""
 ROOM_BYTES = 1024 * 1024
+DISMISS_S = 1.0
+"""How long somebody who has to leave may take to read what waits."""
 META_ARGUMENT = "meta"
 """The SDK spreads `_meta` over a handler's arguments; here it arrives whole, under this one name."""
 
@@ -64,7 +66,8 @@ class ClientConnection:
     @property
     def may_approve(self) -> bool:
         """Whether permission questions go to this connection."""
-        return self.identity is not None and self.identity.may(Right.APPROVE)
+        who = self.identity
+        return who is not None and not who.expired and who.may(Right.APPROVE)
 
     @property
     def takes_files(self) -> bool:
@@ -137,6 +140,19 @@ class ClientConnection:
     async def close(self) -> None:
         """Stop reading; what is in the outbox still goes out."""
         self._closed = True
+
+    async def dismiss(self) -> None:
+        """The login is over: this is nobody now, whose open questions are withdrawn. Returns when that has gone out."""
+        self.identity = None
+        for request_id, answer in list(self._answers.items()):
+            if not answer.done():
+                answer.set_exception(ConnectionError("the login is over"))
+                await self.notify("$/cancel_request", {"requestId": request_id})
+        try:
+            async with asyncio.timeout(DISMISS_S):
+                await self._drained.wait()
+        except TimeoutError:
+            self._writer.transport.abort()
 
     # What a session wants of a listener.
 

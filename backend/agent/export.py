@@ -29,7 +29,7 @@ async def hand_over(session: Session, store: Store, to: Listener | None) -> str:
         )
     await session.flushed()
     path = posixpath.join(session.row.cwd, f"robot-acp-{session.id}.jsonl")
-    content = as_lines(await store.events(session.id))
+    content = as_lines([event async for event in store.events(session.id)])
     try:
         await to.request("fs/write_text_file", {"sessionId": session.id, "path": path, "content": content})
     except (RequestError, ConnectionError):

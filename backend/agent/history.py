@@ -71,6 +71,7 @@ class History:
         if turn_id is not None and turn_id == self._turn_id:  # a further block of the same prompt
             self._turns[-1][0]["content"].append(part)
         else:
+            self._close_open_calls()
             self._turn_id = turn_id
             self._turns.append([{"role": "user", "content": [part]}])
 
@@ -102,6 +103,13 @@ class History:
             last["tool_calls"] = calls  # what it said just before is part of the same message
         else:
             turn.append({"role": "assistant", "content": None, "tool_calls": calls})
+
+    def _close_open_calls(self) -> None:
+        """Give an answer to calls that have none: a provider refuses a history in which one is missing."""
+        for call_id, tool in self._tools.items():
+            answer = {"role": "tool", "tool_call_id": call_id, "name": tool, "content": "Error: interrupted"}
+            self._current().append(answer)
+        self._tools.clear()
 
     def _remember(self, call_id: str, decision: dict[str, Any]) -> None:
         option = str(decision.get("option"))

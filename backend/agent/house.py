@@ -9,6 +9,7 @@ from backend.agent.robot_link import RobotLink
 from backend.agent.sessions import Sessions
 from backend.agent.turn import Workbench
 from backend.config import Settings
+from backend.tokens import Registry
 
 
 @dataclass(frozen=True)
@@ -16,7 +17,7 @@ class House:
     """One agent. `models` are the names that people may choose, the default first."""
 
     settings: Settings
-    signing_key: bytes
+    tokens: Registry
     sessions: Sessions
     journal: Journal
     link: RobotLink

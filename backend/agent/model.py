@@ -7,13 +7,14 @@ imports it. Errors that a person can mend become `ModelError`, with what to do.
 from __future__ import annotations
 
 import asyncio
-import json
 import logging
 import os
 from collections.abc import AsyncIterator
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
+
+import orjson
 
 from backend.agent.history import PHOTO_NOTE, Message
 
@@ -61,6 +62,7 @@ Part = Text | Thinking | Call | Usage
 
 @dataclass
 class _PartialCall:
+    id: str | None = None
     name: str = ""
     arguments: list[str] = field(default_factory=list)
 
@@ -99,7 +101,8 @@ async def load() -> None:
 async def stream(model: str, messages: list[Message], tools: list[dict[str, Any]]) -> AsyncIterator[Part]:
     """Run one inference. Tool calls come at the end, whole. Raises `ModelError`."""
     litellm = await asyncio.to_thread(_litellm)
-    calls: dict[int, _PartialCall] = {}
+    calls: list[_PartialCall] = []
+    current: dict[int, _PartialCall] = {}
     try:
         if not _sees(litellm, model):
             messages = _without_pictures(messages)
@@ -121,21 +124,27 @@ async def stream(model: str, messages: list[Message], tools: list[dict[str, Any]
             if delta.content:
                 yield Text(delta.content)
             for piece in delta.tool_calls or ():
-                call = calls.setdefault(piece.index, _PartialCall())
-                call.name += piece.function.name or ""
+                index = piece.index or 0
+                # Some providers give every whole call the same index; a new id is a new call.
+                if index not in current or (piece.id and current[index].id not in (None, piece.id)):
+                    current[index] = _PartialCall()
+                    calls.append(current[index])
+                call = current[index]
+                call.id = call.id or piece.id
+                call.name = call.name or piece.function.name or ""
                 call.arguments.append(piece.function.arguments or "")
     except asyncio.CancelledError:
         raise
     except Exception as error:  # litellm raises what its providers raise; all of it is about the model
         log.info("model %s failed: %s", model, type(error).__name__, exc_info=log.isEnabledFor(logging.DEBUG))
         raise _explained(litellm, model, error) from error
-    for _, call in sorted(calls.items()):
+    for call in calls:
         yield Call(call.name, _arguments("".join(call.arguments)))
 
 
 def _arguments(text: str) -> dict[str, Any] | None:
     try:
-        parsed = json.loads(text or "{}")
+        parsed = orjson.loads(text or "{}")
     except ValueError:
         return None
     return parsed if isinstance(parsed, dict) else None

@@ -31,6 +31,10 @@ class Approver(Protocol):
     def name(self) -> str:
         """Who this is, for people."""
 
+    @property
+    def may_approve(self) -> bool:
+        """Whether this person's answer counts, at this moment."""
+
     async def request(self, method: str, params: dict[str, Any]) -> Any: ...
 
 
@@ -86,6 +90,8 @@ class PermissionDesk:
 
     def attach(self, approver: Approver) -> None:
         """Someone who may approve has come: show what is pending, and ask from now on."""
+        if approver in self._approvers:
+            return
         self._approvers.append(approver)
         for question in self._pending:
             self._put(question, approver)
@@ -142,7 +148,9 @@ class PermissionDesk:
 
     async def _put_to(self, question: Question, approver: Approver) -> None:
         try:
-            option = read_answer(await approver.request("session/request_permission", question.params))
+            answer = await approver.request("session/request_permission", question.params)
+            # What somebody may do can have changed since the question was put.
+            option = read_answer(answer) if approver.may_approve else None
         except Exception as error:  # an error response or a lost connection; it must not break the turn
             log.info("no answer from %s: %s", approver.name, type(error).__name__)
             option = None

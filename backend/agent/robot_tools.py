@@ -166,9 +166,11 @@ class RobotTools:
         try:
             async with asyncio.timeout(CONNECT_TIMEOUT_S):
                 self._client = await asyncio.shield(ready)
-        except Exception as error:
+        except BaseException as error:  # cancelled, too: the owner must not live on alone
             await self._drop()
-            raise self._unavailable() from error
+            if isinstance(error, Exception):
+                raise self._unavailable() from error
+            raise
 
     async def _own(self, ready: asyncio.Future[mcp.Client], lost: asyncio.Event) -> None:
         try:
@@ -219,9 +221,9 @@ class RobotTools:
                 await owner
 
     def _unavailable(self) -> RobotUnavailable:
-        return RobotUnavailable(
-            f"The robot server at {self._url} does not answer. Start it with `robot-acp robot`, then try again."
-        )
+        # The address can hold a password or a whole command line: it is for the log.
+        log.warning("no robot server at %s", self._url.rpartition("@")[2].split(" ")[0])
+        return RobotUnavailable("The robot server does not answer. Start it with `robot-acp robot`, then try again.")
 
 
 async def _list(client: mcp.Client) -> list[Tool]:

@@ -10,6 +10,7 @@ from collections.abc import AsyncIterator
 from ipaddress import ip_address
 
 from acp.stdio import stdio_streams
+from sqlalchemy.exc import SQLAlchemyError
 
 from backend import identity, wire
 from backend.agent import model
@@ -25,6 +26,7 @@ from backend.agent.sessions import Sessions
 from backend.agent.store import Store
 from backend.agent.turn import Workbench
 from backend.config import ConfigError, Settings
+from backend.tokens import Registry
 
 log = logging.getLogger(__name__)
 
@@ -58,9 +60,11 @@ async def _serve_tcp(house: House) -> None:
     server = await asyncio.start_server(accept, where.host, where.port, limit=_STREAM_LIMIT)
     log.info("agent on tcp://%s:%d", *server.sockets[0].getsockname()[:2])
     try:
-        async with server:
-            await server.serve_forever()
+        await asyncio.Event().wait()
     finally:
+        server.close()
+        # Turns first, so that the robot stands before people lose sight of it; clients are not waited for.
+        await house.sessions.close()
         for task in list(clients):
             task.cancel()
         await asyncio.gather(*clients, return_exceptions=True)
@@ -76,12 +80,23 @@ async def _serve_client(
 ) -> None:
     connection = ClientConnection(reader, writer, local)
     server = AcpServer(house, connection)
+    serving = asyncio.create_task(connection.serve(server.router()), name=f"client {connection.id}")
+    watching = asyncio.create_task(_dismiss_when_login_ends(house.tokens, connection))
     try:
-        await connection.serve(server.router())
+        await asyncio.wait({serving, watching}, return_when=asyncio.FIRST_COMPLETED)
     finally:
+        serving.cancel()
+        watching.cancel()
+        await asyncio.gather(serving, watching, return_exceptions=True)  # the SDK has logged what went wrong
         server.left()
         if connection.initialized:  # anything else was a probe
             log.info("client %s (%s) left", connection.id, connection.name)
+
+
+async def _dismiss_when_login_ends(tokens: Registry, connection: ClientConnection) -> None:
+    reason = await tokens.until_ended(lambda: connection.identity)
+    log.info("client %s (%s) has to leave: %s", connection.id, connection.name, reason)
+    await connection.dismiss()
 
 
 @contextlib.asynccontextmanager
@@ -99,13 +114,18 @@ async def _house(settings: Settings) -> AsyncIterator[House]:
     bearer = identity.shared_secret(settings.data_dir, identity.ROBOT_TOKEN).decode() if ours else None
     tools = RobotTools(settings.robot_mcp_url, bearer)
     link = RobotLink(settings.robot_mcp_url if ours else None, bearer)
+    tokens = Registry(settings.data_dir)
     store = Store(settings.database_url)
-    await store.open()
+    try:
+        await store.open()
+    except (SQLAlchemyError, ModuleNotFoundError) as error:
+        log.debug("database", exc_info=True)
+        raise ConfigError(f"agent.database cannot be used: {type(error).__name__}. Check the URL.") from None
     journal = Journal(store)
     sessions = Sessions(store, journal, tools, agent.pose_tool, agent.permission_timeout)
     house = House(
         settings=settings,
-        signing_key=identity.shared_secret(settings.data_dir, identity.SIGNING_KEY),
+        tokens=tokens,
         sessions=sessions,
         journal=journal,
         link=link,
@@ -123,6 +143,7 @@ async def _house(settings: Settings) -> AsyncIterator[House]:
         models=tuple(dict.fromkeys([agent.model, *agent.models, model.OFFLINE_MODEL])),
     )
     background = [
+        asyncio.create_task(tokens.run(), name="tokens"),
         asyncio.create_task(journal.run(), name="journal"),
         asyncio.create_task(link.run(), name="robot link"),
         asyncio.create_task(_warm_up(tools), name="warm up"),

@@ -7,10 +7,13 @@ order. A turn belongs to the session and outlives the connection that asked for 
 from __future__ import annotations
 
 import asyncio
-import contextlib
+import json
+import time
 from collections.abc import AsyncIterator, Callable, Coroutine
 from dataclasses import replace
 from typing import Any, Protocol
+
+import orjson
 
 from backend.agent.history import History
 from backend.agent.journal import Journal
@@ -23,10 +26,6 @@ Update = dict[str, Any]
 
 class Listener(Approver, Protocol):
     """A connection that watches sessions."""
-
-    @property
-    def may_approve(self) -> bool:
-        """Whether permission questions go to this connection."""
 
     @property
     def takes_files(self) -> bool:
@@ -67,6 +66,10 @@ class Session:
         self._shown = seq
         self._listeners: set[Listener] = set()
         self._catching_up: dict[Listener, list[Event]] = {}
+        self.touched = time.monotonic()
+        """When somebody last opened it."""
+        self.ended = False
+        """Set when the session is being deleted; nothing begins in it any more."""
         self._one_turn = asyncio.Lock()
         self._turns: set[asyncio.Task[str]] = set()
 
@@ -81,15 +84,21 @@ class Session:
         return self.history.remembered
 
     @property
+    def busy(self) -> bool:
+        """Whether a turn runs or waits."""
+        return bool(self._turns)
+
+    @property
     def watching(self) -> frozenset[Listener]:
         """The connections that are attached."""
         return frozenset(self._listeners)
 
     def record(self, update: Update, origin: Listener | None = None) -> None:
         """Number an update, remember it, keep it, and then show it to everyone attached but `origin`."""
+        raw = _serialised(update)
         self.seq += 1
-        self.history.apply(update)
-        self._journal.append(self.id, self.seq, update, self._show, origin)
+        self.history.apply(orjson.loads(raw))
+        self._journal.append(Event(self.id, self.seq, time.time(), raw, origin), self._show)
 
     async def flushed(self) -> None:
         """Return when all that was recorded so far has been kept and shown."""
@@ -122,7 +131,13 @@ class Session:
             finally:
                 for event in self._catching_up.pop(listener, ()):
                     listener.deliver(event.frame)
-        if listener.may_approve and listener in self._listeners:
+        if listener in self._listeners:
+            self.judge(listener)
+
+    def judge(self, listener: Listener) -> None:
+        """Let a connection be asked, or no longer, after what it may do has changed."""
+        self.desk.detach(listener)
+        if listener.may_approve:
             self.desk.attach(listener)
 
     def detach(self, listener: Listener) -> None:
@@ -136,10 +151,17 @@ class Session:
 
         The turn is a task of its own: when the caller goes away, it runs on.
         """
+        if self.ended:
+            return "cancelled"
         task = asyncio.create_task(self._in_order(turn), name=f"turn of {self.id}")
         self._turns.add(task)
         task.add_done_callback(self._turns.discard)
-        return await asyncio.shield(task)
+        try:
+            return await asyncio.shield(task)
+        except asyncio.CancelledError:
+            if task.cancelled():
+                return "cancelled"  # before its first step
+            raise
 
     async def _in_order(self, turn: Callable[[], Coroutine[Any, Any, str]]) -> str:
         try:
@@ -155,8 +177,17 @@ class Session:
                 task.cancel()
 
     async def close(self) -> None:
-        """Cancel, and wait until nothing of this session runs."""
+        """Cancel, and wait until nothing of this session runs. Being cancelled meanwhile reaches no turn."""
         self.cancel()
-        for task in list(self._turns):
-            with contextlib.suppress(asyncio.CancelledError):
-                await task
+        while self._turns:
+            await asyncio.wait(self._turns)
+
+
+def _serialised(update: Update) -> bytes:
+    """An update as JSON. What a model or a server made up that is none (half a character, a number that no program
+    reads) becomes what comes nearest, instead of ending the turn."""
+    try:
+        return orjson.dumps(update)
+    except TypeError:
+        text = json.dumps(update, ensure_ascii=False, default=str)
+        return orjson.dumps(orjson.loads(text.encode("utf-8", "replace")))

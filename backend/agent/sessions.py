@@ -8,6 +8,7 @@ import logging
 import time
 import uuid
 from collections.abc import AsyncIterator, Coroutine
+from dataclasses import replace
 from typing import Any
 
 from backend.agent import present
@@ -22,6 +23,7 @@ log = logging.getLogger(__name__)
 
 PAGE = 50
 POSE_TIMEOUT_S = 2.0
+IDLE_S = 600.0
 
 
 class Sessions:
@@ -48,19 +50,49 @@ class Sessions:
         """A new session, with the robot's pose at this moment as its start."""
         now = time.time()
         pose = await self.robot_pose()
-        row = SessionRow(uuid.uuid4().hex, owner, None, cwd, mode, model, pose, now, now)
+        row = SessionRow(uuid.uuid4().hex, owner, None, cwd.replace("\0", ""), mode, model, pose, now, now)
         await self._store.add_session(row)
         session = self._in_memory(row, History(), 0)
         self._open[session.id] = session
         return session
 
+    async def fork(self, session: Session, owner: str) -> Session:
+        """A session of `owner` with the same past, up to the last turn that has ended."""
+        await session.flushed()
+        now = time.time()
+        row = replace(session.row, id=uuid.uuid4().hex, owner=owner, created=now, updated=now)
+        await self._store.add_session(row)
+        past: list[Event] = []
+        ended = 0
+        async for event in self._store.events(session.id):
+            past.append(replace(event, session_id=row.id))
+            turn = (event.update.get("_meta") or {}).get("robot-acp/turn") or {}
+            ended = event.seq if turn.get("state") == "ended" else ended
+        past = [event for event in past if event.seq <= ended]
+        if past:
+            await self._store.append(past)
+        history = History()
+        for event in past:
+            history.apply(event.update)
+        fork = self._in_memory(row, history, ended)
+        self._open[fork.id] = fork
+        return fork
+
     async def get(self, session_id: str, identity: Identity) -> Session | None:
         """The session, if there is one that this person may see."""
         async with self._opening:
             session = self._open.get(session_id) or await self._load(session_id)
-        if session is None or not self._visible(session.row, identity):
+        if session is None or session.ended or not self._visible(session.row, identity):
             return None
+        session.touched = time.monotonic()
         return session
+
+    def _forget_idle(self) -> None:
+        """Let go of sessions that nobody uses; they are found again in the database."""
+        long_ago = time.monotonic() - IDLE_S
+        for session in self.open_sessions:
+            if not session.busy and not session.watching and session.touched < long_ago:
+                del self._open[session.id]
 
     async def page(self, identity: Identity, before: tuple[float, str] | None) -> list[SessionRow]:
         """Sessions that this person may see, newest first, at most `PAGE`."""
@@ -69,14 +101,16 @@ class Sessions:
 
     async def delete(self, session: Session) -> None:
         """End and remove a session."""
+        session.ended = True
         await session.close()
         await session.flushed()
-        self._open.pop(session.id, None)
-        await self._store.delete_session(session.id)
+        async with self._opening:
+            await self._store.delete_session(session.id)
+            self._open.pop(session.id, None)
 
     async def replay(self, session: Session, after: int, upto: int) -> AsyncIterator[Event]:
         """The events of a session that have been shown, with `after < seq <= upto`."""
-        for event in await self._store.events(session.id, after, upto):
+        async for event in self._store.events(session.id, after, upto):
             yield event
 
     async def robot_pose(self) -> dict[str, Any] | None:
@@ -92,8 +126,7 @@ class Sessions:
 
     async def close(self) -> None:
         """Cancel every turn and wait until the robot is at rest."""
-        for session in self.open_sessions:
-            await session.close()
+        await asyncio.gather(*(session.close() for session in self.open_sessions))
         for task in list(self._tasks):
             task.cancel()
             with contextlib.suppress(asyncio.CancelledError):
@@ -105,7 +138,7 @@ class Sessions:
             return None
         history = History()
         seq = 0
-        for event in await self._store.events(session_id):
+        async for event in self._store.events(session_id):
             history.apply(event.update)
             seq = event.seq
         session = self._in_memory(row, history, seq)
@@ -122,6 +155,7 @@ class Sessions:
         session.record(present.turn_ended(turn_id, "interrupted"))
 
     def _in_memory(self, row: SessionRow, history: History, seq: int) -> Session:
+        self._forget_idle()
         return Session(row, self._journal, history, seq, self._permission_timeout_s, self._spawn)
 
     def _spawn(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:

@@ -8,7 +8,7 @@ PostgreSQL ever blocks the event loop.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
@@ -46,6 +46,7 @@ _events = sa.Table(
 )
 
 _T = TypeVar("_T")
+_PAGE = 200
 
 
 @dataclass(frozen=True)
@@ -69,29 +70,25 @@ class SessionRow:
 
 @dataclass(frozen=True)
 class Event:
-    """One numbered `session/update` of a session; `origin` is the connection that must not get it back."""
+    """One numbered `session/update` of a session: `raw` is the update as JSON, serialised once for the log and for
+    everyone attached; `origin` is the connection that must not get it back."""
 
     session_id: str
     seq: int
     time: float
-    update: dict[str, Any]
+    raw: bytes
     origin: object = None
+
+    @property
+    def update(self) -> dict[str, Any]:
+        """The update, parsed."""
+        return dict(orjson.loads(self.raw))
 
     @cached_property
     def frame(self) -> bytes:
-        """The notification as one line, serialised once for all who are attached."""
-        return orjson.dumps(
-            {
-                "jsonrpc": "2.0",
-                "method": "session/update",
-                "params": {
-                    "sessionId": self.session_id,
-                    "update": self.update,
-                    "_meta": {"robot-acp/seq": self.seq},
-                },
-            },
-            option=orjson.OPT_APPEND_NEWLINE,
-        )
+        """The notification as one line."""
+        head = b'{"jsonrpc":"2.0","method":"session/update","params":{"sessionId":' + orjson.dumps(self.session_id)
+        return head + b',"update":' + self.raw + b',"_meta":{"robot-acp/seq":%d}}}\n' % self.seq
 
 
 class Store:
@@ -146,19 +143,19 @@ class Store:
 
     async def append(self, events: Sequence[Event]) -> None:
         """Keep events, of one or several sessions, in one transaction."""
-        rows = [
-            {"session_id": e.session_id, "seq": e.seq, "time": e.time, "update": orjson.dumps(e.update)} for e in events
-        ]
+        rows = [{"session_id": e.session_id, "seq": e.seq, "time": e.time, "update": e.raw} for e in events]
         latest = {e.session_id: e.time for e in events}
         await self._run(lambda: self._append(rows, latest))
 
-    async def events(self, session_id: str, after: int = 0, upto: int | None = None) -> list[Event]:
-        """The events with `after < seq <= upto`, in order."""
-        query = sa.select(_events).where(_events.c.session_id == session_id, _events.c.seq > after)
+    async def events(self, session_id: str, after: int = 0, upto: int | None = None) -> AsyncIterator[Event]:
+        """The events with `after < seq <= upto`, in order; read page by page, so that nobody else's wait is long."""
+        query = sa.select(_events).where(_events.c.session_id == session_id).order_by(_events.c.seq).limit(_PAGE)
         if upto is not None:
             query = query.where(_events.c.seq <= upto)
-        rows = await self._read(query.order_by(_events.c.seq))
-        return [Event(r.session_id, r.seq, r.time, orjson.loads(r.update)) for r in rows]
+        while rows := await self._read(query.where(_events.c.seq > after)):
+            for row in rows:
+                yield Event(row.session_id, row.seq, row.time, row.update)
+            after = rows[-1].seq
 
     def _open(self) -> None:
         url = sa.make_url(self._url)

@@ -74,6 +74,20 @@ class Turn:
         """Run to the end and return ACP's stop reason. Being cancelled is one of the ends: it returns "cancelled"
         once the robot is at rest."""
         self.session.turn_id, self.session.turn_by = self.id, self.asker
+        reason = "cancelled"
+        try:
+            reason = await self._to_the_end()
+        finally:
+            # Whatever happened: the robot is free for others, and everybody sees that the turn is over.
+            if self._claim:
+                self.bench.lease.release(self._claim)
+            if self._usage:
+                self.session.record(self._usage)
+            self.session.turn_id = self.session.turn_by = None
+            self.session.record(present.turn_ended(self.id, reason))
+        return reason
+
+    async def _to_the_end(self) -> str:
         for block in self.prompt:
             self.session.record(present.user_message(block, self.asker, self.id), self.origin)
         self._named = self._name_session()
@@ -95,12 +109,6 @@ class Turn:
             log.exception("turn %s failed", self.id)
             self._close_calls("internal error")
             self.session.record(present.message("Something went wrong inside the agent; its log says what. Try again."))
-        if self._claim:
-            self.bench.lease.release(self._claim)
-        if self._usage:
-            self.session.record(self._usage)
-        self.session.turn_id = self.session.turn_by = None
-        self.session.record(present.turn_ended(self.id, reason))
         return reason
 
     async def _work(self) -> str:
@@ -191,8 +199,7 @@ class Turn:
         return calls
 
     async def _run(self, call: model.Call, tools: dict[str, Tool]) -> None:
-        if call.name == PLAN_TOOL:
-            self._show_plan(call.arguments)
+        if call.name == PLAN_TOOL and self._show_plan(call.arguments):
             return
         tool = tools.get(call.name)
         self._calls += 1
@@ -200,7 +207,9 @@ class Turn:
         self._open.append(call_id)
         if tool is None or call.arguments is None:
             tool = tool or Tool(call.name, "", {}, call.name, None, None)
-            known = f"There is no tool {call.name}." if call.name not in tools else "The arguments are no JSON object."
+            known = "The arguments are not what the tool takes."
+            if call.name not in tools and call.name != PLAN_TOOL:
+                known = f"There is no tool {call.name}."
             self.session.record(present.tool_call(call_id, tool, call.arguments or {}, "pending"))
             self._end(call_id, present.tool_status(call_id, "failed", known))
             return
@@ -212,9 +221,27 @@ class Turn:
         looks = preview or tool.read_only is True
         status: present.ToolStatus = "in_progress" if looks else "pending"
         self.session.record(present.tool_call(call_id, tool, arguments, status))
+        if not looks:
+            await self._take_control(call_id, tool)
         if not preview and not await self._allowed(call_id, tool, arguments):
             return
         await self._execute(call_id, tool, arguments, looks)
+
+    async def _take_control(self, call_id: str, tool: Tool) -> None:
+        """Hold the robot from the first action to the end of the turn; wait, and say for whom, while another has it.
+
+        This comes before the question to people, so that they allow what happens now, and before the mode is looked
+        at for good, so that one that changed meanwhile counts.
+        """
+        if self._claim is not None or self._decide(tool) == "deny":
+            return  # a call that is denied needs no robot
+        lease = self.bench.lease
+        holder = lease.holder
+        self._claim = Claim(self.session.id, self.asker, self._lose)
+        if not lease.ask(self._claim):
+            owner = f"{holder.by} has" if holder else "somebody else has"
+            self.session.record(present.tool_status(call_id, "pending", f"waiting for the robot, which {owner} now"))
+            await lease.wait(self._claim)
 
     async def _allowed(self, call_id: str, tool: Tool, arguments: dict[str, Any]) -> bool:
         """Whether the call may run; if not, it has been ended with the reason."""
@@ -255,7 +282,6 @@ class Turn:
 
     async def _execute(self, call_id: str, tool: Tool, arguments: dict[str, Any], looks: bool) -> None:
         if not looks:
-            await self._take_control(call_id)
             self._acted = True
             self.session.record(present.tool_status(call_id, "in_progress"))
         last = 0.0
@@ -270,19 +296,6 @@ class Turn:
         result = await self.bench.tools.call(tool.name, arguments, show)
         self._end(call_id, present.tool_result(call_id, result))
 
-    async def _take_control(self, call_id: str) -> None:
-        """Hold the robot from the first action to the end of the turn; wait, and say for whom, while another has it."""
-        if self._claim is not None:
-            return
-        lease = self.bench.lease
-        holder = lease.holder
-        self._claim = Claim(self.session.id, self.asker, self._lose)
-        if not lease.ask(self._claim):
-            owner = f"{holder.by} has" if holder else "somebody else has"
-            waiting = f"waiting for the robot, which {owner} now"
-            self.session.record(present.tool_status(call_id, "pending", waiting))
-            await lease.wait(self._claim)
-
     def _lose(self, to: str) -> None:
         self._lost_to = to
         self.session.cancel()
@@ -295,7 +308,8 @@ class Turn:
         for call_id in list(self._open):
             self._end(call_id, present.tool_status(call_id, "failed", why))
 
-    def _show_plan(self, arguments: dict[str, Any] | None) -> None:
+    def _show_plan(self, arguments: dict[str, Any] | None) -> bool:
+        """Show a plan; false when it is none, so that the model is told."""
         entries = (arguments or {}).get("entries")
         valid = isinstance(entries, list) and all(
             isinstance(e, dict)
@@ -303,8 +317,10 @@ class Turn:
             and e.get("status") in ("pending", "in_progress", "completed")
             for e in entries
         )
-        if valid and entries:
-            self.session.record(present.plan(entries))
+        if not entries or not valid:
+            return False
+        self.session.record(present.plan(entries))
+        return True
 
     def _system(self, tools: dict[str, Tool]) -> str:
         row = self.session.row

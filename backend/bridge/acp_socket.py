@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import logging
 import time
 import uuid
@@ -10,7 +9,7 @@ import uuid
 from starlette.types import Receive, Scope, Send
 from starlette.websockets import WebSocket
 
-from backend.bridge.closing import EXPIRED, LEFT, SERVICE_RESTART, TRY_AGAIN_LATER, End, close
+from backend.bridge.closing import LEFT, SERVICE_RESTART, TRY_AGAIN_LATER, End, close
 from backend.bridge.direct import DirectWebSocket
 from backend.bridge.login import Gate, Login, admit_websocket
 from backend.bridge.race import first_of
@@ -69,20 +68,14 @@ class AcpSocket:
             return end
         try:
             relay.begin(agent)
-            end = await _until_end(relay, websocket, login)
+            end = await first_of(relay.ended(), _left(websocket), self._gate.until_ended(login))
+            # The agent watches logins as well: when it hung up first, this is still the reason.
+            end = self._gate.ended(login) or end
             await close(websocket, end)
             return end
         finally:
             relay.close()
             await agent.close()  # last: a child process may take its time
-
-
-async def _until_end(relay: Relay, websocket: WebSocket, login: Login) -> End:
-    try:
-        async with asyncio.timeout(login.seconds_left()):
-            return await first_of(relay.ended(), _left(websocket))
-    except TimeoutError:
-        return EXPIRED
 
 
 async def _left(websocket: WebSocket) -> End:

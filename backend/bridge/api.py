@@ -57,7 +57,7 @@ def router(gate: Gate, robot: RobotLink, health: Health) -> APIRouter:
 
     @routes.post("/stop")
     async def stop(request: Request) -> JSONResponse:
-        who = gate.admit(request).identity
+        who = gate.admit(request, to_stop=True).identity
         return await _told(robot.stop(who.name))
 
     @routes.post("/release")

@@ -13,7 +13,7 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 from starlette.routing import Route, WebSocketRoute
 
-from backend import identity
+from backend import identity, tokens
 from backend.bridge import api, login
 from backend.bridge.acp_socket import AcpSocket
 from backend.bridge.origin import HostGuard, OriginError, OriginPolicy
@@ -31,7 +31,8 @@ def create_app(settings: Settings, web_dist: Path = WEB_DIST) -> FastAPI:
     """The bridge for `settings`. Raises `ConfigError` for an agent address that cannot be."""
     bridge = settings.bridge
     origins = OriginPolicy(bridge.host, bridge.allowed_origins)
-    gate = login.Gate(identity.shared_secret(settings.data_dir, identity.SIGNING_KEY), origins)
+    registry = tokens.Registry(settings.data_dir)
+    gate = login.Gate(registry, origins)
     agent = agent_at(settings.agent_address)
     robot_secret = identity.shared_secret(settings.data_dir, identity.ROBOT_TOKEN)
     robot = RobotLink(settings.robot_base_url, robot_secret)
@@ -41,12 +42,13 @@ def create_app(settings: Settings, web_dist: Path = WEB_DIST) -> FastAPI:
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        showing = asyncio.create_task(scene.run())
+        background = [asyncio.create_task(scene.run()), asyncio.create_task(registry.run())]
         try:
             yield
         finally:
-            showing.cancel()
-            await asyncio.gather(showing, return_exceptions=True)
+            for task in background:
+                task.cancel()
+            await asyncio.gather(*background, return_exceptions=True)
             await robot.close()
 
     app = FastAPI(lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
@@ -54,6 +56,7 @@ def create_app(settings: Settings, web_dist: Path = WEB_DIST) -> FastAPI:
     app.add_middleware(SecurityHeaders)
     app.add_exception_handler(login.LoginError, _says(401))
     app.add_exception_handler(OriginError, _says(403))
+    app.add_exception_handler(tokens.RegistryError, _says(503))
     app.add_exception_handler(HTTPException, _http_error)
     app.include_router(login.router(gate, settings.robot.name))
     app.include_router(api.router(gate, robot, health))

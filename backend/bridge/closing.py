@@ -11,7 +11,7 @@ NORMAL = 1000
 POLICY_VIOLATION = 1008
 SERVICE_RESTART = 1012
 TRY_AGAIN_LATER = 1013
-LOGIN_EXPIRED = 4401
+LOGIN_ENDED = 4401
 
 _CLOSE_SECONDS = 1.0
 
@@ -25,7 +25,6 @@ class End:
 
 
 LEFT = End(NORMAL, "the client left")
-EXPIRED = End(LOGIN_EXPIRED, "Your login has expired. Log in again.")
 
 
 async def close(websocket: WebSocket, end: End) -> None:

@@ -15,9 +15,10 @@ from fastapi.responses import JSONResponse
 from starlette.requests import HTTPConnection
 from starlette.websockets import WebSocket
 
-from backend import identity
+from backend.bridge.closing import LOGIN_ENDED, End
 from backend.bridge.origin import OriginError, OriginPolicy
 from backend.identity import Identity, InvalidToken
+from backend.tokens import Registry, RegistryError
 
 COOKIE = "robot_acp"
 SUBPROTOCOL = "bearer."
@@ -35,10 +36,6 @@ class Login:
     identity: Identity
     token: str
 
-    def seconds_left(self) -> float | None:
-        """How long it still holds; None for ever."""
-        return None if self.identity.expires is None else self.identity.expires - time.time()
-
 
 class _LoginBody(msgspec.Struct):
     token: str
@@ -47,33 +44,48 @@ class _LoginBody(msgspec.Struct):
 class Gate:
     """Tells who a request comes from, and whether it may come from there."""
 
-    def __init__(self, key: bytes, origins: OriginPolicy) -> None:
-        self._key = key
+    def __init__(self, tokens: Registry, origins: OriginPolicy) -> None:
+        self._tokens = tokens
         self._origins = origins
 
     def login(self, connection: HTTPConnection) -> Login:
-        """Who is asking. Raises `LoginError`."""
-        token, _ = _presented(connection)
-        if token is None:
-            raise LoginError("Log in with a token first.")
-        return Login(self.verify(token), token)
+        """Who is asking. Raises `LoginError` or `RegistryError`."""
+        return self._login(connection)
 
-    def verify(self, token: str) -> Identity:
-        """Whom a token stands for. Raises `LoginError`."""
+    def verify(self, token: str, *, to_stop: bool = False) -> Identity:
+        """Whom a token stands for. Raises `LoginError` or `RegistryError`."""
         try:
-            return identity.verify(self._key, token)
+            return self._tokens.verify(token, to_stop=to_stop)
         except InvalidToken as error:
             raise LoginError(str(error)) from None
 
-    def admit(self, connection: HTTPConnection) -> Login:
-        """Who asks for something that changes the world. Raises `LoginError` or `OriginError`."""
+    def admit(self, connection: HTTPConnection, *, to_stop: bool = False) -> Login:
+        """Who asks for something that changes the world. Raises `LoginError`, `OriginError` or `RegistryError`.
+
+        `to_stop` lets in whoever may stop the robot, which is more than may do anything else.
+        """
         _, explicit = _presented(connection)
         self._origins.check(connection, explicit_token=explicit)
-        return self.login(connection)
+        return self._login(connection, to_stop=to_stop)
+
+    def ended(self, login: Login) -> End | None:
+        """The end of a login that was let in; None while it holds."""
+        reason = self._tokens.ended(login.identity)
+        return End(LOGIN_ENDED, reason) if reason else None
+
+    async def until_ended(self, login: Login) -> End:
+        """Wait until a login is over: revoked, or expired."""
+        return End(LOGIN_ENDED, await self._tokens.until_ended(lambda: login.identity))
 
     def check_origin(self, connection: HTTPConnection) -> None:
         """For the requests that carry a token in their body. Raises `OriginError`."""
         self._origins.check(connection, explicit_token=True)
+
+    def _login(self, connection: HTTPConnection, *, to_stop: bool = False) -> Login:
+        token, _ = _presented(connection)
+        if token is None:
+            raise LoginError("Log in with a token first.")
+        return Login(self.verify(token, to_stop=to_stop), token)
 
 
 async def admit_websocket(gate: Gate, websocket: WebSocket) -> Login | None:
@@ -85,6 +97,8 @@ async def admit_websocket(gate: Gate, websocket: WebSocket) -> Login | None:
         refusal = JSONResponse({"error": str(error)}, status_code=401)
     except OriginError as error:
         refusal = JSONResponse({"error": str(error)}, status_code=403)
+    except RegistryError as error:
+        refusal = JSONResponse({"error": str(error)}, status_code=503)
     await websocket.send_denial_response(refusal)
     return None
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import re
 import sys
 from collections.abc import AsyncIterator, Callable
 from typing import Any
@@ -18,6 +19,7 @@ from prompt_toolkit.patch_stdout import patch_stdout
 from rich.console import Console
 from rich.text import Text
 
+from backend import wire
 from backend.chat.link import Link, LinkError, RefusedError, open_link
 from backend.chat.view import Line, Style, View
 from backend.config import Settings
@@ -31,6 +33,8 @@ _STYLES: dict[Style, str] = {
     "problem": "yellow",
     "note": "dim",
 }
+_UNSAFE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+"""Control characters: a text from elsewhere must not draw on the screen of somebody who is about to say yes."""
 _ANSWERS = {"y": "allow_once", "n": "reject_once", "a": "allow_always", "v": "reject_always"}
 _HELP = (
     "Type what the robot shall do. /stop stops it at once, /release lets it move again, Ctrl-C cancels, Ctrl-D leaves."
@@ -77,6 +81,8 @@ class Chat:
             "clientCapabilities": {},
             "clientInfo": {"name": "robot-acp chat", "version": "1"},
         }
+        if token and address.startswith("tcp:"):
+            about["_meta"] = {wire.TOKEN_META: token}  # over WebSocket it went with the handshake
         hello = await self._link.request("initialize", about)
         mine = hello.get("agentCapabilities", {}).get("_meta", {}).get("robot-acp", {})
         self._view.robot = mine.get("robot", "The robot")
@@ -247,7 +253,7 @@ class Chat:
         # A console for each time: under `patch_stdout` the stream is another one.
         console = Console(file=sys.stdout, highlight=False, soft_wrap=True, force_terminal=sys.stdin.isatty() or None)
         for line in lines:
-            console.print(Text(line.text, style=_STYLES[line.style]))
+            console.print(Text(_UNSAFE.sub("\ufffd", line.text), style=_STYLES[line.style]))
 
     async def _plain_lines(self) -> AsyncIterator[str]:
         """Lines of a pipe: each is read when the one before has been done."""

@@ -23,6 +23,7 @@ class Person:
         self.name = name
         self.asked: asyncio.Future[Any] | None = None
         self.withdrawn = False
+        self.may_approve = True
 
     async def request(self, method: str, params: dict[str, Any]) -> Any:
         assert method == "session/request_permission"
@@ -122,6 +123,27 @@ async def test_a_client_that_cannot_answer_leaves_the_question_to_the_others(ana
     ana.asked.set_exception(ConnectionError("gone"))
     ben.asked.set_result(chosen("allow_once"))
     assert (await question).by == "Ben"
+
+
+async def test_the_answer_of_one_who_may_no_longer_approve_does_not_count(ana: Person) -> None:
+    question = Desk(ana).ask()
+    await asked(ana)
+    ana.may_approve = False
+    assert ana.asked is not None
+    ana.asked.set_result(chosen("allow_once"))
+    assert await question == Verdict(False, "nobody")
+
+
+async def test_what_needs_four_eyes_is_not_asked_of_the_asker(ana: Person, ben: Person) -> None:
+    desk = Desk(ana, ben)
+    question = asyncio.create_task(desk.desk.ask("s1", CALL, "speech", "Ana", not_by="Ana"))
+    await asked(ben)
+    assert ana.asked is None
+    assert ben.asked is not None
+    ben.asked.set_result(chosen("allow_once"))
+    assert (await question).by == "Ben"
+    alone = Desk(ana).desk.ask("s1", CALL, "speech", "Ana", not_by="Ana")
+    assert await alone == Verdict(False, "nobody")
 
 
 async def test_nobody_to_ask_refuses_at_once() -> None:

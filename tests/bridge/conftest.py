@@ -20,7 +20,7 @@ import pytest
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 
-from backend import config, identity
+from backend import config, tokens
 from backend.bridge import server
 from backend.config import Settings
 from backend.identity import Role
@@ -114,8 +114,7 @@ class RunningBridge:
         return f"http://127.0.0.1:{self.port}"
 
     def token(self, role: Role = Role.OPERATOR, name: str = "Ana", lifetime_s: float = 60) -> str:
-        key = identity.shared_secret(self.settings.data_dir, identity.SIGNING_KEY)
-        return identity.issue(key, name, role, lifetime_s)
+        return tokens.create(self.settings.data_dir, name, role, lifetime_s)
 
     def http(self, token: str | None = None) -> httpx.AsyncClient:
         """A client that shows `token` as a bearer, or nothing."""

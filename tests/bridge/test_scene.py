@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 
 import msgspec
 import pytest
@@ -16,7 +16,7 @@ from websockets.asyncio.client import connect
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.exceptions import InvalidStatus
 
-from backend import identity, telemetry
+from backend import telemetry, tokens
 from backend.bridge.login import Gate
 from backend.bridge.origin import OriginPolicy
 from backend.bridge.scene.proxy import SceneSocket
@@ -25,7 +25,6 @@ from backend.identity import Role
 from backend.telemetry import Battery, Map, Motion, Path, Place, Pose, Scan, State, Stop, Twist
 
 SUBPROTOCOL = f"viser-v{viser.__version__}"
-KEY = b"k" * 64
 
 CAMERA = {
     "type": "ViewerCameraMessage",
@@ -138,34 +137,34 @@ async def scene(robot, wait_until) -> AsyncIterator[Scene]:
 
 
 @pytest.fixture
-async def viewer_url(scene, wait_until) -> AsyncIterator[str]:
-    """Where viewers of that scene connect."""
-    gate = Gate(KEY, OriginPolicy("127.0.0.1"))
+async def viewer(scene, wait_until, tmp_path) -> AsyncIterator[Callable[[Role], connect]]:
+    """Opens a viewer of that scene for somebody of a role."""
+    gate = Gate(tokens.Registry(tmp_path), OriginPolicy("127.0.0.1"))
     app = Starlette(routes=[WebSocketRoute("/scene", SceneSocket(gate, scene))])
     server = uvicorn.Server(uvicorn.Config(app, port=0, ws="websockets-sansio", log_config=None))
     serving = asyncio.create_task(server.serve())
     await wait_until(lambda: server.started)
-    yield f"ws://127.0.0.1:{server.servers[0].sockets[0].getsockname()[1]}/scene"
+    url = f"ws://127.0.0.1:{server.servers[0].sockets[0].getsockname()[1]}/scene"
+
+    def opened(role: Role) -> connect:
+        headers = {"Authorization": f"Bearer {tokens.create(tmp_path, 'Ana', role, 60)}"}
+        return connect(
+            url, additional_headers=headers, subprotocols=[SUBPROTOCOL], compression=None, max_size=None, proxy=None
+        )
+
+    yield opened
     server.should_exit = True
     await serving
 
 
-def viewer(url: str, role: Role) -> connect:
-    token = identity.issue(KEY, "Ana", role, 60)
-    headers = {"Authorization": f"Bearer {token}"}
-    return connect(
-        url, additional_headers=headers, subprotocols=[SUBPROTOCOL], compression=None, max_size=None, proxy=None
-    )
-
-
 @pytest.mark.parametrize("role", list(Role))
-async def test_of_what_a_viewer_sends_only_the_camera_reaches_viser(scene, viewer_url, wait_until, role):
+async def test_of_what_a_viewer_sends_only_the_camera_reaches_viser(scene, viewer, wait_until, role):
     viser_server = scene._stage._server
     clicks = []
     viser_server._websock_server.register_handler(
         viser._messages.ScenePointerMessage, lambda client, message: clicks.append(message)
     )
-    async with viewer(viewer_url, role) as page:
+    async with viewer(role) as page:
         for message in (POINTER, {"type": "ShareUrlRequest"}, {"no": "type"}, CAMERA):
             await page.send(msgspec.msgpack.encode(message))
         await page.send(b"\xc1 no msgpack")
@@ -181,23 +180,23 @@ async def test_of_what_a_viewer_sends_only_the_camera_reaches_viser(scene, viewe
         await wait_until(lambda: clicks)
 
 
-async def test_a_page_that_opens_is_shown_the_whole_map_in_its_own_shape(scene, robot, viewer_url, wait_until):
+async def test_a_page_that_opens_is_shown_the_whole_map_in_its_own_shape(scene, robot, viewer, wait_until):
     await robot.send(MAP)
     await wait_until(lambda: scene._stage._grid)
-    async with viewer(viewer_url, Role.VIEWER) as page:
+    async with viewer(Role.VIEWER) as page:
         await page.send(msgspec.msgpack.encode(CAMERA))
         client = (await wait_until(lambda: list(scene._stage._server.get_clients().values())))[0]
         await wait_until(lambda: client.camera.position[2] > 4)
         assert client.camera.position[0] == pytest.approx(2.0)  # the middle of the map
 
 
-async def test_the_robot_is_asked_for_much_only_while_somebody_looks(scene, robot, viewer_url, wait_until):
+async def test_the_robot_is_asked_for_much_only_while_somebody_looks(scene, robot, viewer, wait_until):
     assert robot.authorization == "Bearer secret"
     assert robot.asked[-1].rate == 2
     assert "scan" not in robot.asked[-1].channels
-    async with viewer(viewer_url, Role.VIEWER):
+    async with viewer(Role.VIEWER):
         await wait_until(lambda: robot.asked[-1].rate == 20 and "scan" in robot.asked[-1].channels)
-        async with viewer(viewer_url, Role.VIEWER):
+        async with viewer(Role.VIEWER):
             pass
         assert robot.asked[-1].rate == 20
     await wait_until(lambda: robot.asked[-1].rate == 2)

@@ -46,7 +46,7 @@ class Terminal:
 
     @property
     def events(self) -> list[tuple[int, dict[str, Any]]]:
-        updates = [m["params"] for m in self.heard if m.get("method") == "session/update"]
+        updates = [m["params"] for m in self.heard if m.get("method") == "session/update" and "_meta" in m["params"]]
         return [(p["_meta"]["robot-acp/seq"], p["update"]) for p in updates]
 
     def turn_ends(self) -> list[str]:

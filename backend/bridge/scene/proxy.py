@@ -20,7 +20,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, WebSocketException
 from websockets.typing import Subprotocol
 
-from backend.bridge.closing import EXPIRED, LEFT, POLICY_VIOLATION, TRY_AGAIN_LATER, End, close
+from backend.bridge.closing import LEFT, POLICY_VIOLATION, TRY_AGAIN_LATER, End, close
 from backend.bridge.login import Gate, Login, admit_websocket
 from backend.bridge.race import first_of
 from backend.bridge.scene import page
@@ -114,20 +114,14 @@ class SceneSocket:
                 await websocket.accept(subprotocol=viser.subprotocol)
                 self._scene.viewer_came()
                 try:
-                    return await _relay(websocket, viser, login)
+                    return await first_of(
+                        _to_viser(websocket, viser), _to_viewer(viser, websocket), self._gate.until_ended(login)
+                    )
                 finally:
                     self._scene.viewer_left()
         except (SceneDownError, OSError, WebSocketException, TimeoutError) as error:
             log.warning("scene: viser cannot be reached: %s", error)
             return _NOT_READY
-
-
-async def _relay(websocket: WebSocket, viser: ClientConnection, login: Login) -> End:
-    try:
-        async with asyncio.timeout(login.seconds_left()):
-            return await first_of(_to_viser(websocket, viser), _to_viewer(viser, websocket))
-    except TimeoutError:
-        return EXPIRED
 
 
 async def _to_viser(websocket: WebSocket, viser: ClientConnection) -> End:

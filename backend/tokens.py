@@ -1,0 +1,257 @@
+"""Which login tokens were given out and which of them were revoked: one small file of the data folder.
+
+A token counts only while this list says so: one that is not in it is refused, so deleting the file logs everyone
+out and lets nobody back in. The file names people and never holds a token. It is replaced as a whole, under a lock, so
+that readers need none and always see all of it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import fcntl
+import logging
+import os
+import re
+import secrets
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from datetime import date, datetime
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+
+from backend import identity
+from backend.identity import Identity, InvalidToken, Role
+
+REGISTRY = "tokens.json"
+WATCH_S = 0.5
+"""How often a process looks whether the list has changed, and whether a login has expired."""
+LONGEST_S = 3650 * 86400.0
+_KEPT_S = 30 * 86400.0
+"""How long the list remembers an expired token, for people who ask what became of it."""
+
+_UNIT_S = {"m": 60, "h": 3600, "d": 86400}
+
+log = logging.getLogger(__name__)
+
+
+class RegistryError(Exception):
+    """The list cannot be read or written, or does not have what was asked for; the text says what to do."""
+
+
+class Record(msgspec.Struct, frozen=True):
+    """What is known of one token. Times are Unix seconds; `revoked` is None for one that was not."""
+
+    id: str
+    name: str
+    role: Role
+    created: float
+    expires: float
+    revoked: float | None = None
+
+    @property
+    def state(self) -> Literal["valid", "expired", "revoked"]:
+        """Whether it lets anyone in."""
+        if self.revoked is not None:
+            return "revoked"
+        return "expired" if time.time() >= self.expires else "valid"
+
+
+def lifetime(text: str) -> float:
+    """The seconds from now that `30m`, `12h`, `7d`, or a date (to its end, local time) stands for.
+
+    Raises `ValueError` with a sentence.
+    """
+    if match := re.fullmatch(r"([0-9]{1,9})([mhd])", text):
+        seconds = float(match[1]) * _UNIT_S[match[2]]
+    else:
+        try:
+            seconds = datetime.combine(date.fromisoformat(text), datetime.max.time()).timestamp() - time.time()
+        except (ValueError, OverflowError):
+            raise ValueError(f"{text!r} is neither a time such as 30m, 12h or 7d, nor a date such as 2027-01-31") from None
+    if seconds <= 0:
+        raise ValueError(f"{text!r} is over already")
+    if seconds > LONGEST_S:
+        raise ValueError(f"{text!r} is too long: a token is valid for ten years at most")
+    return seconds
+
+
+def create(data_dir: Path, name: str, role: Role, lifetime_s: float) -> str:
+    """A new login token, recorded before anybody gets it. Raises `RegistryError`."""
+    key = identity.shared_secret(data_dir, identity.SIGNING_KEY)
+    now = time.time()
+    record = Record(secrets.token_hex(6), name, role, now, now + lifetime_s)
+    with _locked(data_dir):
+        kept = [old for old in records(data_dir) if now - old.expires < _KEPT_S]
+        _write(data_dir, [*kept, record])
+    return identity.issue(key, name, role, lifetime_s, record.id)
+
+
+def records(data_dir: Path) -> list[Record]:
+    """All tokens of the list, the oldest first. Raises `RegistryError`."""
+    path = data_dir / REGISTRY
+    try:
+        return _parse(path.read_bytes())
+    except FileNotFoundError:
+        return []
+    except (OSError, ValueError) as error:
+        raise RegistryError(_cannot_read(path, error)) from None
+
+
+def revoke(data_dir: Path, id_or_name: str) -> list[Record]:
+    """Revoke the token of this id, or all tokens of this name; those that were valid until now, as they are after it.
+
+    Raises `RegistryError` when there is none.
+    """
+    if not data_dir.is_dir():
+        raise RegistryError(_unknown(id_or_name, []))
+    with _locked(data_dir):
+        known = records(data_dir)
+        meant = [one for one in known if one.id == id_or_name] or [one for one in known if one.name == id_or_name]
+        if not meant:
+            raise RegistryError(_unknown(id_or_name, known))
+        now = time.time()
+        revoked = {one.id: msgspec.structs.replace(one, revoked=now) for one in meant if one.state == "valid"}
+        if revoked:
+            _write(data_dir, [revoked.get(one.id, one) for one in known])
+    return list(revoked.values())
+
+
+class Registry:
+    """What a serving process knows of the list. It looks again for each new login, and twice a second in `run`.
+
+    While the list cannot be read, nobody new is let in, and those who are in stay.
+    """
+
+    def __init__(self, data_dir: Path) -> None:
+        self._path = data_dir / REGISTRY
+        self._key = identity.shared_secret(data_dir, identity.SIGNING_KEY)
+        self._records: dict[str, Record] = {}
+        self._stamp: tuple[int, ...] | None = None  # of the file that `_records` come from; None before
+        self._trouble: str | None = None  # set while the list cannot be read
+        self._waiting: set[tuple[Callable[[], Identity | None], asyncio.Future[str]]] = set()
+
+    def verify(self, token: str, *, to_stop: bool = False) -> Identity:
+        """Whom a token stands for. Raises `InvalidToken`, and `RegistryError` while nobody can be let in.
+
+        `to_stop` is for the one request that must not fail for a broken list: then everyone may stop the robot whose
+        token is genuine and not known to be revoked.
+        """
+        who = identity.verify(self._key, token)
+        self._look()
+        record = self._records.get(who.token_id or "")
+        if record is not None and record.revoked is not None:
+            raise InvalidToken("This login token was revoked. Ask for a new one.")
+        if self._trouble is not None:
+            if to_stop:
+                return who
+            raise RegistryError("Nobody can log in now: the robot cannot read its list of tokens. Its log says what to do.")
+        if record is None:
+            raise InvalidToken("This login token is not known to this robot. Ask for a new one.")
+        return who
+
+    def ended(self, who: Identity | None) -> str | None:
+        """Why a login that was let in is over, in words for that person; None while it holds."""
+        self._look()
+        return self._ended(who)
+
+    async def until_ended(self, who: Callable[[], Identity | None]) -> str:
+        """Wait until the login that `who` gives is over, and say why. `run` has to be running."""
+        waiting = (who, asyncio.get_running_loop().create_future())
+        self._waiting.add(waiting)
+        try:
+            return await waiting[1]
+        finally:
+            self._waiting.discard(waiting)
+
+    async def run(self) -> None:
+        """Watch the list and the clock for all who wait in `until_ended`."""
+        while True:
+            self._look()
+            for who, ended in self._waiting:
+                if not ended.done() and (reason := self._ended(who())):
+                    ended.set_result(reason)
+            await asyncio.sleep(WATCH_S)
+
+    def _ended(self, who: Identity | None) -> str | None:
+        if who is None or who.token_id is None:
+            return None
+        if who.expired:
+            return "Your login has expired. Log in again."
+        record = self._records.get(who.token_id)
+        if record is None:
+            return None if self._trouble else "Your login is no longer known. Ask for a new one."
+        return None if record.revoked is None else "Your login was revoked. Ask for a new one."
+
+    def _look(self) -> None:
+        """Read the list if it is another file than before. A failure keeps what was known, and is logged once."""
+        try:
+            with self._path.open("rb") as file:
+                status = os.fstat(file.fileno())
+                stamp = (status.st_ino, status.st_mtime_ns, status.st_size)
+                if stamp == self._stamp and self._trouble is None:
+                    return
+                known = _parse(file.read())
+        except (OSError, ValueError) as error:
+            trouble = _cannot_read(self._path, error)
+            if trouble != self._trouble:
+                log.error("%s", trouble)
+            self._trouble = trouble
+            return
+        if self._trouble is not None:
+            log.info("the list of login tokens can be read again")
+        self._records = {record.id: record for record in known}
+        self._stamp, self._trouble = stamp, None
+
+
+@contextmanager
+def _locked(data_dir: Path) -> Iterator[None]:
+    """One writer at a time; the folder itself is the lock, and a process that dies leaves it open."""
+    folder = os.open(data_dir, os.O_RDONLY)
+    try:
+        fcntl.flock(folder, fcntl.LOCK_EX)
+        yield
+        os.fsync(folder)  # a revocation must outlive a power failure
+    finally:
+        os.close(folder)
+
+
+def _write(data_dir: Path, known: Sequence[Record]) -> None:
+    draft = data_dir / f".{REGISTRY}.{os.getpid()}"  # the lock is held: no other draft is being written
+    try:
+        draft.unlink(missing_ok=True)  # of a process that had this number and died
+        descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(msgspec.json.format(msgspec.json.encode(known), indent=1) + b"\n")
+            file.flush()
+            os.fsync(file.fileno())
+        draft.replace(data_dir / REGISTRY)
+    except OSError as error:
+        draft.unlink(missing_ok=True)
+        raise RegistryError(f"The list of login tokens in {data_dir} cannot be written: {error.strerror}.") from None
+
+
+def _parse(content: bytes) -> list[Record]:
+    """Raises `ValueError`."""
+    try:
+        return msgspec.json.decode(content, type=list[Record])
+    except msgspec.DecodeError as error:
+        raise ValueError(str(error)) from None
+
+
+def _cannot_read(path: Path, error: Exception) -> str:
+    if isinstance(error, FileNotFoundError):
+        return f"There is no list of login tokens ({path}): nobody can log in. Make one with `robot-acp token create`."
+    why = (error.strerror if isinstance(error, OSError) else None) or error
+    return (
+        f"The list of login tokens {path} cannot be read ({why}): nobody can log in. Mend it, or delete it and make "
+        "new tokens with `robot-acp token create`; all earlier ones stay refused then."
+    )
+
+
+def _unknown(id_or_name: str, known: Sequence[Record]) -> str:
+    valid = [f"{one.id} ({one.name})" for one in known if one.state == "valid"]
+    exist = f"Valid ones: {', '.join(valid)}." if valid else "There is no valid one."
+    return f"There is no token with the id or name {id_or_name!r}. {exist}"
