@@ -7,17 +7,19 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
+import json
 import logging
 import signal
 import sys
 from collections.abc import Coroutine, Sequence
+from datetime import UTC, datetime, tzinfo
 from pathlib import Path
 from typing import Any
 
-from backend import __version__, config, identity
+from backend import __version__, config, tokens
 from backend.identity import Role
 
-TOKEN_DAYS = 7.0
+MAX_NAME_CHARS = 60
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -27,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         settings = config.load(options.config, **_flags(options))
         _log_to_stderr(settings.log_level)
         return int(options.run(settings, options))
-    except config.ConfigError as error:
+    except (config.ConfigError, tokens.RegistryError) as error:
         print(f"robot-acp: {error}", file=sys.stderr)
         return 2
     except OSError as error:
@@ -68,18 +70,58 @@ def _parser() -> argparse.ArgumentParser:
     chat = commands.add_parser("chat", help="talk to the robot in this terminal")
     chat.add_argument("address", nargs="?", help="tcp://HOST:PORT or ws://HOST:PORT/acp (default: the local agent)")
     chat.add_argument("--session", metavar="ID", help="join this session; `last` joins the newest")
-    chat.add_argument("--token", help="login token (or the variable ROBOT_ACP_TOKEN)")
+    chat.add_argument(
+        "--token", help="login token; other users of this computer can see it here, so rather set ROBOT_ACP_TOKEN"
+    )
     chat.add_argument("--json", action="store_true", help="print every message of the agent as one line of JSON")
     chat.set_defaults(run=_chat)
 
-    token = commands.add_parser("token", help="login tokens")
-    token_commands = token.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    create = token_commands.add_parser("create", help="print a new login token")
-    create.add_argument("--name", required=True, help="who it is for")
-    create.add_argument("--role", required=True, choices=[role.value for role in Role])
-    create.add_argument("--days", type=float, default=TOKEN_DAYS, help="how long it is valid (default: 7)")
-    create.set_defaults(run=_token_create)
+    _token_commands(commands.add_parser("token", help="login tokens: create, list, revoke"))
+
+    sessions = commands.add_parser("sessions", help="the log of sessions, for those who run the robot")
+    session_commands = sessions.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    session_commands.add_parser("list", help="the sessions, newest first").set_defaults(run=_sessions_list)
+    export = session_commands.add_parser("export", help="print a session's events as JSON Lines")
+    export.add_argument("id", help="the session's id, as `sessions list` shows it")
+    export.set_defaults(run=_sessions_export)
     return parser
+
+
+def _token_commands(parser: argparse.ArgumentParser) -> None:
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    create = commands.add_parser("create", help="print a new login token; `chat` reads it from ROBOT_ACP_TOKEN")
+    create.add_argument("--name", required=True, type=_name, help="who it is for")
+    create.add_argument("--role", required=True, choices=[role.value for role in Role])
+    create.add_argument(
+        "--expires",
+        type=_lifetime,
+        default="7d",
+        metavar="WHEN",
+        help="after 30m, 12h or 7d, or at the end of a day: 2027-01-31 (default: 7d)",
+    )
+    create.set_defaults(run=_token_create)
+
+    listing = commands.add_parser("list", help="who has a token, and whether it is valid; never the token itself")
+    listing.add_argument("--json", action="store_true", help="print them as JSON")
+    listing.set_defaults(run=_token_list)
+
+    revoke = commands.add_parser("revoke", help="end a login, also where it is in use now")
+    revoke.add_argument("id_or_name", metavar="ID_OR_NAME", help="one token by its id, or all of somebody's")
+    revoke.set_defaults(run=_token_revoke)
+
+
+def _name(text: str) -> str:
+    name = text.strip()
+    if not name or not name.isprintable() or len(name) > MAX_NAME_CHARS:
+        raise argparse.ArgumentTypeError(f"a name is 1 to {MAX_NAME_CHARS} characters on one line")
+    return name
+
+
+def _lifetime(text: str) -> float:
+    try:
+        return tokens.lifetime(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def _robot_flags(parser: argparse.ArgumentParser) -> None:
@@ -141,9 +183,53 @@ def _chat(settings: config.Settings, options: argparse.Namespace) -> int:
 
 
 def _token_create(settings: config.Settings, options: argparse.Namespace) -> int:
-    key = identity.shared_secret(settings.data_dir, identity.SIGNING_KEY)
-    print(identity.issue(key, options.name, Role(options.role), options.days * 86400))
+    print(tokens.create(settings.data_dir, options.name, Role(options.role), options.expires))
     return 0
+
+
+def _token_list(settings: config.Settings, options: argparse.Namespace) -> int:
+    records = tokens.records(settings.data_dir)
+    if options.json:
+        print(json.dumps([_about(record, "seconds", UTC) for record in records], indent=2, ensure_ascii=False))
+    elif not records:
+        print("There are no login tokens yet. `robot-acp token create` makes one.")
+    else:
+        rows = [_about(record, "minutes") for record in records]
+        widths = {column: max(len(column), *(len(row[column]) for row in rows)) for column in rows[0]}
+        for row in ({column: column.upper() for column in widths}, *rows):
+            print("  ".join(row[column].ljust(width) for column, width in widths.items()).rstrip())
+    return 0
+
+
+def _about(record: tokens.Record, precision: str, zone: tzinfo | None = None) -> dict[str, str]:
+    """A token as `token list` shows it, with times of `zone`, or of this computer."""
+    created, expires = (
+        datetime.fromtimestamp(when, zone).isoformat(" " if zone is None else "T", precision)
+        for when in (record.created, record.expires)
+    )
+    who = {"id": record.id, "name": record.name, "role": record.role.value}
+    return who | {"created": created, "expires": expires, "state": record.state}
+
+
+def _token_revoke(settings: config.Settings, options: argparse.Namespace) -> int:
+    revoked = tokens.revoke(settings.data_dir, options.id_or_name)
+    for record in revoked:
+        print(f"Revoked {record.id} of {record.name} ({record.role.value}).")
+    if not revoked:
+        print(f"Nothing to do: no token of {options.id_or_name} is valid any more.")
+    return 0
+
+
+def _sessions_list(settings: config.Settings, _options: argparse.Namespace) -> int:
+    from backend.agent.export import list_sessions
+
+    return asyncio.run(list_sessions(settings.database_url))
+
+
+def _sessions_export(settings: config.Settings, options: argparse.Namespace) -> int:
+    from backend.agent.export import print_session
+
+    return asyncio.run(print_session(settings.database_url, options.id))
 
 
 def _until_signal(work: Coroutine[Any, Any, None]) -> int:

@@ -70,7 +70,9 @@ def lifetime(text: str) -> float:
         try:
             seconds = datetime.combine(date.fromisoformat(text), datetime.max.time()).timestamp() - time.time()
         except (ValueError, OverflowError):
-            raise ValueError(f"{text!r} is neither a time such as 30m, 12h or 7d, nor a date such as 2027-01-31") from None
+            raise ValueError(
+                f"{text!r} is neither a time such as 30m, 12h or 7d, nor a date such as 2027-01-31"
+            ) from None
     if seconds <= 0:
         raise ValueError(f"{text!r} is over already")
     if seconds > LONGEST_S:
@@ -131,7 +133,7 @@ class Registry:
         self._records: dict[str, Record] = {}
         self._stamp: tuple[int, ...] | None = None  # of the file that `_records` come from; None before
         self._trouble: str | None = None  # set while the list cannot be read
-        self._waiting: set[tuple[Callable[[], Identity | None], asyncio.Future[str]]] = set()
+        self._waiting: dict[asyncio.Future[str], Callable[[], Identity | None]] = {}
 
     def verify(self, token: str, *, to_stop: bool = False) -> Identity:
         """Whom a token stands for. Raises `InvalidToken`, and `RegistryError` while nobody can be let in.
@@ -147,7 +149,9 @@ class Registry:
         if self._trouble is not None:
             if to_stop:
                 return who
-            raise RegistryError("Nobody can log in now: the robot cannot read its list of tokens. Its log says what to do.")
+            raise RegistryError(
+                "Nobody can log in now: the robot cannot read its list of tokens. Its log says what to do."
+            )
         if record is None:
             raise InvalidToken("This login token is not known to this robot. Ask for a new one.")
         return who
@@ -159,18 +163,18 @@ class Registry:
 
     async def until_ended(self, who: Callable[[], Identity | None]) -> str:
         """Wait until the login that `who` gives is over, and say why. `run` has to be running."""
-        waiting = (who, asyncio.get_running_loop().create_future())
-        self._waiting.add(waiting)
+        ended: asyncio.Future[str] = asyncio.get_running_loop().create_future()
+        self._waiting[ended] = who
         try:
-            return await waiting[1]
+            return await ended
         finally:
-            self._waiting.discard(waiting)
+            del self._waiting[ended]
 
     async def run(self) -> None:
         """Watch the list and the clock for all who wait in `until_ended`."""
         while True:
             self._look()
-            for who, ended in self._waiting:
+            for ended, who in self._waiting.items():
                 if not ended.done() and (reason := self._ended(who())):
                     ended.set_result(reason)
             await asyncio.sleep(WATCH_S)

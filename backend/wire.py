@@ -82,10 +82,10 @@ def check(raw: bytes, limit: int = MAX_FRAME_BYTES) -> Frame:
 
 def _shape(body: dict[str, Any], raw: bytes) -> Frame:
     request_id = body.get("id")
-    known_id = request_id if _valid_id(request_id) else None
+    known_id = request_id if valid_id(request_id) else None
     if body.get("jsonrpc") != "2.0":
         raise BadFrame(INVALID_REQUEST, 'A message must say "jsonrpc": "2.0".', known_id)
-    if "id" in body and not _valid_id(request_id):
+    if "id" in body and not valid_id(request_id):
         raise BadFrame(INVALID_REQUEST, "An id must be a string, an integer or null.")
     if "method" in body:
         method = body["method"]
@@ -103,7 +103,8 @@ def _shape(body: dict[str, Any], raw: bytes) -> Frame:
     raise BadFrame(INVALID_REQUEST, "A message must have a method, or an id with a result or an error.", known_id)
 
 
-def _valid_id(value: object) -> bool:
+def valid_id(value: object) -> bool:
+    """Whether JSON-RPC takes this as the id of a request."""
     if isinstance(value, bool):
         return False
     return value is None or isinstance(value, int) or (isinstance(value, str) and len(value) <= MAX_ID_CHARS)

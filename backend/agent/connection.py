@@ -12,6 +12,7 @@ import contextlib
 import logging
 import uuid
 from collections import deque
+from collections.abc import Coroutine
 from typing import Any
 
 import orjson
@@ -54,6 +55,11 @@ class ClientConnection:
         self._drained = asyncio.Event()
         self._drained.set()
         self._closed = False
+        self._dispatched: deque[wire.Frame] = deque()
+        """Messages that the SDK has and whose handler has not begun; handlers begin in this order."""
+        self._running: dict[wire.RequestId, tuple[wire.Frame, asyncio.Future[Any]]] = {}
+        """The requests of the client that are being handled."""
+        self._withdrawn: set[wire.RequestId] = set()
         self._asked = 0
         self._answers: dict[str, asyncio.Future[Any]] = {}
         """The questions to the client that are open, by request id."""
@@ -81,7 +87,7 @@ class ClientConnection:
 
     async def serve(self, router: MessageRouter) -> None:
         """Handle messages until the client goes away."""
-        rpc = Connection(_Guarded(router), self, listening=False)
+        rpc = Connection(_Guarded(router, self), self, listening=False)
         sender = asyncio.create_task(self._send_outbox(), name=f"outbox {self.id}")
         try:
             await rpc.main_loop()
@@ -121,8 +127,52 @@ class ClientConnection:
             if frame.kind == "response":
                 self._take_answer(frame)
                 continue
+            if frame.method == "$/cancel_request":
+                cancel = self._withdraw(frame)
+                if cancel is None:
+                    continue
+                frame = cancel
+            self._dispatched.append(frame)
             return _with_wrapped_meta(frame.body)
         return None
+
+    def _withdraw(self, notification: wire.Frame) -> wire.Frame | None:
+        """Cancel a request of the client, which is answered all the same. A prompt ends as its turn does, so for
+        one this returns the `session/cancel` that means the same."""
+        request_id = (notification.body.get("params") or {}).get("requestId")
+        if request_id is None or not wire.valid_id(request_id):
+            return None
+        waiting = [frame for frame in self._dispatched if frame.kind == "request" and frame.id == request_id]
+        frame, handler = self._running.get(request_id) or (waiting[0] if waiting else None, None)
+        if frame is None:
+            return None  # it has been answered
+        if frame.method == "session/prompt":
+            session_id = (frame.body.get("params") or {}).get("sessionId")
+            body = {"jsonrpc": "2.0", "method": "session/cancel", "params": {"sessionId": session_id}}
+            return wire.Frame("notification", "session/cancel", None, body, b"")
+        self._withdrawn.add(request_id)
+        if handler is not None:
+            handler.cancel()
+        return None
+
+    async def handle(self, work: Coroutine[Any, Any, Any]) -> Any:
+        """Run the handler of the message that was dispatched first of those that have not begun."""
+        frame = self._dispatched.popleft()
+        if frame.kind != "request":
+            return await work
+        handler = asyncio.ensure_future(work)
+        self._running[frame.id] = (frame, handler)
+        try:
+            if frame.id in self._withdrawn:
+                handler.cancel()
+            return await handler
+        except asyncio.CancelledError:
+            if frame.id in self._withdrawn:
+                raise RequestError(wire.CANCELLED, "Cancelled.") from None
+            raise
+        finally:
+            self._running.pop(frame.id, None)
+            self._withdrawn.discard(frame.id)
 
     def _take_answer(self, frame: wire.Frame) -> None:
         answer = self._answers.get(str(frame.id))
@@ -215,12 +265,14 @@ class ClientConnection:
 class _Guarded:
     """The router, with errors made safe for strangers."""
 
-    def __init__(self, router: MessageRouter) -> None:
+    def __init__(self, router: MessageRouter, connection: ClientConnection) -> None:
         self._router = router
+        self._connection = connection
 
     async def __call__(self, method: str, params: Any | None, is_notification: bool) -> Any:
         try:
-            return await self._router(method, params if params is not None else {}, is_notification)
+            work = self._router(method, params if params is not None else {}, is_notification)
+            return await self._connection.handle(work)
         except RequestError:
             if is_notification:
                 return None  # an unknown or refused notification is ignored

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import posixpath
-from collections.abc import Iterable
+import sys
+from collections.abc import AsyncIterator, Iterable
+from contextlib import asynccontextmanager
+from datetime import datetime
 
 import orjson
 from acp.exceptions import RequestError
@@ -35,3 +38,36 @@ async def hand_over(session: Session, store: Store, to: Listener | None) -> str:
     except (RequestError, ConnectionError):
         return f"Your program did not write {path}."
     return f"The log of this session is in {path}."
+
+
+async def list_sessions(database_url: str) -> int:
+    """Print the sessions, newest first: id, time of the last event, owner, title."""
+    async with _opened(database_url) as store:
+        before: tuple[float, str] | None = None
+        while rows := await store.sessions(None, before, 100):
+            for row in rows:
+                updated = datetime.fromtimestamp(row.updated).isoformat(" ", "minutes")
+                print(row.id, updated, row.owner, row.title or "", sep="  ")
+            before = (rows[-1].updated, rows[-1].id)
+    return 0
+
+
+async def print_session(database_url: str, session_id: str) -> int:
+    """Print the events of a session as JSON Lines; the exit status is 1 when there is none of this id."""
+    async with _opened(database_url) as store:
+        if await store.session(session_id) is None:
+            print(f"robot-acp: There is no session {session_id}. See `robot-acp sessions list`.", file=sys.stderr)
+            return 1
+        async for event in store.events(session_id):
+            sys.stdout.write(as_lines([event]))
+    return 0
+
+
+@asynccontextmanager
+async def _opened(database_url: str) -> AsyncIterator[Store]:
+    store = Store(database_url)
+    await store.open()
+    try:
+        yield store
+    finally:
+        await store.close()

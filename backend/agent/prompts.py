@@ -43,6 +43,23 @@ PLAN_TOOL_SCHEMA: dict[str, Any] = {
     },
 }
 
+ASK_TOOL = "ask_person"
+ASK_TOOL_SCHEMA: dict[str, Any] = {
+    "type": "function",
+    "function": {
+        "name": ASK_TOOL,
+        "description": "Let the person choose when a request can mean several things. Do not ask what you can look up.",
+        "parameters": {
+            "type": "object",
+            "required": ["question", "options"],
+            "properties": {
+                "question": {"type": "string"},
+                "options": {"type": "array", "items": {"type": "string"}, "minItems": 2},
+            },
+        },
+    },
+}
+
 
 def system(
     robot: str,

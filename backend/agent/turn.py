@@ -14,13 +14,13 @@ from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from backend.agent import commands, export, model, present, prompts
+from backend.agent import commands, elicitation, export, model, present, prompts
 from backend.agent.history import PLAN_TOOL, Message
 from backend.agent.lease import Claim, Lease
 from backend.agent.permissions import Verdict
 from backend.agent.policy import MODES, Decision, Policy
 from backend.agent.robot_link import RobotLink, RobotLinkError
-from backend.agent.robot_tools import PREVIEW_ARGUMENT, Progress, RobotTools, RobotUnavailable, Tool
+from backend.agent.robot_tools import PREVIEW_ARGUMENT, Progress, RobotTools, RobotUnavailable, Tool, ToolResult
 from backend.agent.session import Listener, Session
 from backend.agent.store import Store
 
@@ -45,6 +45,7 @@ class Workbench:
     lease: Lease
     thought_timeout_s: float
     max_steps: int
+    answer_timeout_s: float
     four_eyes: frozenset[str] = frozenset()
     """Tools that somebody else than the asker must approve."""
     infer: Infer = model.stream
@@ -131,7 +132,7 @@ class Turn:
             await asyncio.gather(thinking, return_exceptions=True)
 
     async def _loop(self, tools: dict[str, Tool], thinking: asyncio.Task[None]) -> str:
-        schemas = [tool.schema for tool in tools.values()] + [prompts.PLAN_TOOL_SCHEMA]
+        schemas = [tool.schema for tool in tools.values()] + [prompts.PLAN_TOOL_SCHEMA, prompts.ASK_TOOL_SCHEMA]
         for _ in range(self.bench.max_steps):
             # The system message is made anew: the mode may have changed in mid-turn.
             system = {"role": "system", "content": self._system(tools)}
@@ -201,6 +202,8 @@ class Turn:
     async def _run(self, call: model.Call, tools: dict[str, Tool]) -> None:
         if call.name == PLAN_TOOL and self._show_plan(call.arguments):
             return
+        if call.name == prompts.ASK_TOOL and await self._ask_person(call.arguments):
+            return
         tool = tools.get(call.name)
         self._calls += 1
         call_id = f"{self.id}.{self._calls}"
@@ -208,7 +211,7 @@ class Turn:
         if tool is None or call.arguments is None:
             tool = tool or Tool(call.name, "", {}, call.name, None, None)
             known = "The arguments are not what the tool takes."
-            if call.name not in tools and call.name != PLAN_TOOL:
+            if call.name not in (*tools, PLAN_TOOL, prompts.ASK_TOOL):
                 known = f"There is no tool {call.name}."
             self.session.record(present.tool_call(call_id, tool, call.arguments or {}, "pending"))
             self._end(call_id, present.tool_status(call_id, "failed", known))
@@ -307,6 +310,27 @@ class Turn:
     def _close_calls(self, why: str) -> None:
         for call_id in list(self._open):
             self._end(call_id, present.tool_status(call_id, "failed", why))
+
+    async def _ask_person(self, arguments: dict[str, Any] | None) -> bool:
+        """Let a person choose; false when the arguments are no question."""
+        question, options = (arguments or {}).get("question"), (arguments or {}).get("options")
+        if not isinstance(question, str) or not isinstance(options, list) or len(options) < 2:
+            return False
+        options = [str(option) for option in options]
+        self._calls += 1
+        call_id = f"{self.id}.{self._calls}"
+        self._open.append(call_id)
+        asking = Tool(prompts.ASK_TOOL, "", {}, question, None, True)
+        shown = present.tool_call(call_id, asking, {}, "in_progress")
+        self.session.record(shown | {"rawInput": {"question": question, "options": options}})
+        try:
+            answer = await elicitation.choose(self.session, self.origin, question, options, self.bench.answer_timeout_s)
+        except elicitation.NoAnswerError as nobody:
+            self._end(call_id, present.tool_status(call_id, "failed", str(nobody)))
+        else:
+            result = ToolResult(False, [present.text_block(answer)], {"answer": answer})
+            self._end(call_id, present.tool_result(call_id, result))
+        return True
 
     def _show_plan(self, arguments: dict[str, Any] | None) -> bool:
         """Show a plan; false when it is none, so that the model is told."""

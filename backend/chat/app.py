@@ -8,7 +8,9 @@ from __future__ import annotations
 import asyncio
 import os
 import re
+import signal
 import sys
+import threading
 from collections.abc import AsyncIterator, Callable
 from typing import Any
 
@@ -109,7 +111,8 @@ class Chat:
             await asyncio.gather(lines, return_exceptions=True)
             print(f"robot-acp: {self._link.closed.result()}", file=sys.stderr)
             return 1
-        lines.result()
+        if not lines.cancelled():
+            lines.result()
         return 0
 
     async def close(self) -> None:
@@ -152,11 +155,20 @@ class Chat:
     # From the person
 
     async def _read_all(self) -> None:
+        if not sys.stdin.isatty():
+            asyncio.get_running_loop().add_signal_handler(signal.SIGINT, self._on_sigint, asyncio.current_task())
         async for line in self._terminal() if sys.stdin.isatty() else self._plain_lines():
             if not await self._obey(line.strip()):
                 return
         if self._turn is not None:
             await self._turn  # the input has ended; what was asked for is still done
+
+    def _on_sigint(self, reading: asyncio.Task[None] | None) -> None:
+        """Ctrl-C without a terminal: cancel the turn, or leave when none runs."""
+        if self._turn is not None and not self._turn.done():
+            self._later(self._interrupt())
+        elif reading is not None:
+            reading.cancel()
 
     async def _obey(self, line: str) -> bool:
         """Do what a line says; false to leave."""
@@ -257,6 +269,17 @@ class Chat:
 
     async def _plain_lines(self) -> AsyncIterator[str]:
         """Lines of a pipe: each is read when the one before has been done."""
-        while line := await asyncio.to_thread(sys.stdin.readline):
+        loop = asyncio.get_running_loop()
+        lines: asyncio.Queue[str | None] = asyncio.Queue()
+
+        def read() -> None:
+            # Below Python's own buffer, whose lock would keep the process from ending while this waits.
+            with os.fdopen(os.dup(0), "rb", buffering=0) as stdin:
+                for line in stdin:
+                    loop.call_soon_threadsafe(lines.put_nowait, line.decode("utf-8", "replace"))
+            loop.call_soon_threadsafe(lines.put_nowait, None)
+
+        threading.Thread(target=read, name="stdin", daemon=True).start()
+        while (line := await lines.get()) is not None:
             yield line
             await self._free.wait()

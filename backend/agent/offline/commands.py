@@ -30,6 +30,7 @@ from backend.agent.offline.places import Node, find, read_map, unknown
 from backend.agent.offline.toolbox import Toolbox
 
 _PLAN = "update_plan"
+_ASK = "ask_person"
 _START = re.compile(r"started with the robot at x=([-\d.e]+), y=([-\d.e]+)(?:, yaw=([-\d.e]+))?")
 
 Call = tuple[str, dict[str, Any]]
@@ -67,20 +68,30 @@ def respond(messages: list[dict[str, Any]], tools: list[dict[str, Any]]) -> Repl
     if not actions or actions == [TellAbilities()]:
         excuse = "" if actions else "I did not understand that. "
         return Reply(excuse + report.help_text(book.abilities()))
-    past = [d for d in _done(since) if d.tool != _PLAN]
-    return _Turn(book, actions, system, past, _last_plan(since)).next()
+    done = _done(since)
+    past = [d for d in done if d.tool not in (_PLAN, _ASK)]
+    answers = [report.chosen(d.result) for d in done if d.tool == _ASK]
+    return _Turn(book, actions, system, past, answers, _last_plan(since)).next()
 
 
 class _Turn:
     """One person's request, the actions it stands for, and how far they are."""
 
     def __init__(
-        self, book: Toolbox, actions: list[Action], system: str, past: list[Done], shown: list[str] | None
+        self,
+        book: Toolbox,
+        actions: list[Action],
+        system: str,
+        past: list[Done],
+        answers: list[str | None],
+        shown: list[str] | None,
     ) -> None:
         self._book = book
         self._actions = actions
         self._start = _START.search(system)
         self._past = past
+        self._answers = answers
+        self._meant: dict[str, Node] = {}
         self._shown = shown
         self._nodes: list[Node] = []
 
@@ -97,8 +108,8 @@ class _Turn:
             self._nodes = read_map(first.result)
             if first.failed or not self._nodes:
                 return Reply(f"I could not read the map. {report.reason(first.result)}")
-            if problem := self._unclear_place():
-                return Reply(problem)
+            if reply := self._settle_places():
+                return reply
         return self._continue(outcomes)
 
     def _continue(self, outcomes: list[Done]) -> Reply:
@@ -144,21 +155,30 @@ class _Turn:
         ]
         return _PLAN, {"entries": entries}
 
-    def _unclear_place(self) -> str | None:
-        for action in self._actions:
-            if isinstance(action, GoTo):
-                found = find(action.place, self._nodes)
+    def _settle_places(self) -> Reply | None:
+        """Find out which place each name means, with the person's help; None when all are clear."""
+        answers = list(self._answers)
+        for place in dict.fromkeys(a.place for a in self._actions if isinstance(a, GoTo)):
+            found = find(place, self._nodes)
+            if not found:
+                return Reply(unknown(place, self._nodes))
+            if len(found) > 1:
+                names = [n.name for n in found]
+                question = f"Which one do you mean: {', '.join(names)}?"
+                if not answers and self._book.has(_ASK):
+                    return Reply(calls=[(_ASK, {"question": "Which one do you mean?", "options": names})])
+                answer = answers.pop(0) if answers else None
+                found = [n for n in found if n.name == answer]
                 if not found:
-                    return unknown(action.place, self._nodes)
-                if len(found) > 1:
-                    return f"Which one do you mean: {', '.join(n.name for n in found)}?"
+                    return Reply(question)
+            self._meant[place] = found[0]
         return None
 
     def _call(self, action: Action) -> Call | None:
         book = self._book
         match action:
             case GoTo(place):
-                node = find(place, self._nodes)[0]
+                node = self._meant[place]
                 return book.drive_to_place(node.name, node.x, node.y, node.yaw)
             case GoToPoint(x, y, yaw):
                 return book.drive_to_point(x, y, yaw)

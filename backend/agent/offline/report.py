@@ -116,7 +116,8 @@ def outcome(action: Action, result: str, failed: bool) -> str:
         case GoTo() | GoToPoint() | GoBack() if data.get("reached") is False:
             return f"The path is {data.get('path_length', 0):.1f} m long. I did not move."
         case GoTo(place):
-            return f"I am at {place}."
+            named = str(data.get("place") or place)
+            return f"I am at {place if named.lower() in place.lower() else named}."
         case GoToPoint(x, y):
             return f"I am at x {x:g} m, y {y:g} m."
         case GoBack():
@@ -133,6 +134,12 @@ def outcome(action: Action, result: str, failed: bool) -> str:
             return _pose(data)
         case TellPlaces() | TellAbilities():
             return ""
+
+
+def chosen(result: str) -> str | None:
+    """What a person chose; None when nobody did."""
+    answer = _data(result).get("answer")
+    return answer if isinstance(answer, str) else None
 
 
 def reason(result: str) -> str:

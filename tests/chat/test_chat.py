@@ -1,0 +1,154 @@
+"""`robot-acp chat` in a process of its own, through a pipe and in a real terminal."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import pty
+import signal
+import subprocess
+from collections.abc import Iterator
+
+import pytest
+
+from backend.identity import Role
+from tests.processes import PATIENCE_S, Client, Robot, end, eventually
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
+    robot = Robot(tmp_path_factory.mktemp("data"))
+    with (
+        robot.running("robot", "--time-scale", "4", port=robot.robot_port),
+        robot.running("agent", port=robot.agent_port),
+        robot.running("bridge", port=robot.bridge_port),
+    ):
+        yield robot
+
+
+def chat(robot: Robot, *arguments: str, say: str = "") -> subprocess.CompletedProcess[str]:
+    command = robot.command("chat", *arguments)
+    return subprocess.run(
+        command, env=robot.variables, input=say, text=True, capture_output=True, timeout=PATIENCE_S * 2
+    )
+
+
+def test_a_conversation_through_a_pipe(robot: Robot) -> None:
+    done = chat(robot, say="say hello\ny\nsay goodbye\nn\nwhere are you?\n")
+    assert done.returncode == 0
+    assert "Sancho asks: Say aloud: “Hello.”" in done.stdout
+    assert "I said: “Hello.”" in done.stdout
+    assert "I did not say “Goodbye.”" in done.stdout
+    assert "I am at x" in done.stdout
+
+
+def test_over_websocket_with_a_token(robot: Robot) -> None:
+    token = robot.token("Olga", Role.OPERATOR)
+    address = f"ws://127.0.0.1:{robot.bridge_port}/acp"
+    assert "I am at x" in chat(robot, address, "--token", token, say="where are you?\n").stdout
+    refused = chat(robot, address, "--token", "nonsense")
+    assert refused.returncode == 1
+    assert "did not accept this login" in refused.stderr
+
+
+def test_a_token_counts_over_tcp_too(robot: Robot) -> None:
+    done = chat(robot, "--token", robot.token("Vic", Role.VIEWER), say="say hello\n")
+    assert done.returncode == 1
+    assert "The role viewer may not prompt" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("address", "problem"),
+    [("tcp://127.0.0.1:1", "Nothing answers at tcp://127.0.0.1:1"), ("nonsense", "'nonsense' is no address")],
+)
+def test_an_address_that_does_not_answer_is_told(robot: Robot, address: str, problem: str) -> None:
+    done = chat(robot, address)
+    assert done.returncode == 1
+    assert problem in done.stderr
+
+
+async def test_losing_the_agent_ends_it_though_the_input_stays_open(robot: Robot) -> None:
+    own = Robot(robot.data, robot.environment, robot_port=robot.robot_port)
+    with own.running("agent", port=own.agent_port) as agent:
+        process = own.spawn("chat", stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        assert process.stdout is not None
+        await asyncio.to_thread(process.stdout.readline)
+        end(agent)
+        assert await asyncio.to_thread(process.wait, PATIENCE_S) == 1
+        assert process.stderr is not None
+        assert "connection is lost" in process.stderr.read().lower()
+        for stream in (process.stdin, process.stdout, process.stderr):
+            assert stream is not None
+            stream.close()
+
+
+class Terminal:
+    """The chat in a pseudo-terminal, and what is on its screen so far."""
+
+    def __init__(self, robot: Robot, *arguments: str) -> None:
+        self.pid, self._fd = pty.fork()
+        if self.pid == 0:
+            os.execvpe(robot.command()[0], robot.command("chat", *arguments), robot.variables | {"TERM": "xterm"})
+        self.screen = ""
+        asyncio.get_running_loop().add_reader(self._fd, self._read)
+
+    def _read(self) -> None:
+        try:
+            self.screen += os.read(self._fd, 65536).decode("utf-8", "replace")
+        except OSError:
+            asyncio.get_running_loop().remove_reader(self._fd)
+
+    def type(self, text: str) -> None:
+        os.write(self._fd, text.encode())
+
+    async def shows(self, text: str) -> None:
+        await eventually(lambda: text in self.screen, f"{text!r} on the screen")
+
+    def close(self) -> None:
+        asyncio.get_running_loop().remove_reader(self._fd)
+        os.kill(self.pid, signal.SIGKILL)
+        os.waitpid(self.pid, 0)
+        os.close(self._fd)
+
+
+async def test_in_a_terminal_ctrl_c_cancels_the_turn_and_a_question_is_answered(robot: Robot) -> None:
+    terminal = Terminal(robot)
+    try:
+        await terminal.shows("Sancho is listening.")
+        async with robot.watched() as watched:
+            terminal.type("go to lab 2.3.9\r")
+            await watched.until(lambda: watched.speed > 0.3, "the robot to drive")
+            terminal.type("\x03")
+            await terminal.shows("Cancelled. Sancho has stopped.")
+            assert watched.speed == 0
+            terminal.type("say hello\r")
+            await terminal.shows("Sancho asks: Say aloud: “Hello.”")
+            terminal.type("maybe\r")
+            await terminal.shows("Answer the question first")
+            assert watched.spoken == []
+            terminal.type("y\r")
+            await terminal.shows("I said: “Hello.”")
+            assert watched.spoken == ["Hello."]
+            terminal.type("/stop\r")
+            await watched.until(lambda: watched.state.stop is not None, "the stop")
+            terminal.type("/release\r")
+            await watched.until(lambda: watched.state.stop is None, "the release")
+    finally:
+        terminal.close()
+
+
+async def test_a_text_from_elsewhere_cannot_draw_on_the_screen(robot: Robot) -> None:
+    asking = await Client.open(f"tcp://127.0.0.1:{robot.agent_port}", answer=None)
+    session = await asking.new()
+    terminal = Terminal(robot, "--session", session)
+    try:
+        await terminal.shows("Sancho is listening.")
+        turn = asking.later(asking.prompt("say \x1b[2J\x1b[1;1Hpwned"))
+        await terminal.shows("Sancho asks")
+        await terminal.shows("pwned")
+        assert "\x1b[1;1Hpwned" not in terminal.screen.lower()
+        await asking.cancel()
+        await turn
+    finally:
+        terminal.close()
+        await asking.close()

@@ -1,0 +1,57 @@
+"""What the terminal shows of a session, line by line."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from backend.chat.view import Line, View
+
+
+def shown(*updates: dict[str, Any]) -> list[Line]:
+    view = View("Sancho")
+    return [line for update in updates for line in view.take(update)] + view.flush()
+
+
+def chunk(kind: str, text: str) -> dict[str, Any]:
+    return {"sessionUpdate": f"agent_{kind}_chunk", "content": {"type": "text", "text": text}}
+
+
+def call(status: str, **more: Any) -> dict[str, Any]:
+    return {"sessionUpdate": "tool_call_update", "toolCallId": "t", "status": status} | more
+
+
+CALL = {"sessionUpdate": "tool_call", "toolCallId": "t", "title": "Say aloud: “Hi.”", "status": "pending"}
+
+
+def test_words_of_a_stream_become_whole_lines() -> None:
+    lines = shown(
+        chunk("thought", "I will "), chunk("thought", "go."), chunk("message", "Done.\nBye"), chunk("message", "!")
+    )
+    assert lines == [Line("thought", "I will go."), Line("robot", "Done."), Line("robot", "Bye!")]
+
+
+def test_a_tool_call_tells_how_it_ended_and_who_decided() -> None:
+    text = {"type": "content", "content": {"type": "text", "text": "refused by Ana"}}
+    allowed = {"_meta": {"robot-acp/decision": {"by": "Ana", "option": "allow_once", "reason": "selected"}}}
+    assert shown(CALL, call("in_progress", **allowed)) == [Line("note", "Allowed by Ana.")]
+    assert shown(CALL, call("failed", content=[text])) == [Line("problem", "✗ Say aloud: “Hi.”: refused by Ana")]
+    sound = {"type": "content", "content": {"type": "audio", "data": "", "mimeType": "audio/wav"}}
+    assert shown(CALL, call("completed", content=[sound])) == [Line("result", "✓ Say aloud: “Hi.” [audio]")]
+
+
+def test_progress_is_a_status_and_no_line() -> None:
+    view = View("Sancho")
+    text = {"type": "content", "content": {"type": "text", "text": "3 m to go"}}
+    assert view.take({"sessionUpdate": "tool_call_update", "toolCallId": "t", "content": [text]}) == []
+    assert view.status == "3 m to go"
+
+
+def test_a_cancelled_turn_says_so() -> None:
+    meta = {"robot-acp/turn": {"id": "1", "state": "ended", "stopReason": "cancelled"}}
+    assert shown({"sessionUpdate": "session_info_update", "_meta": meta}) == [
+        Line("note", "Cancelled. Sancho has stopped.")
+    ]
+
+
+def test_an_update_of_a_kind_that_it_does_not_know_is_left_out() -> None:
+    assert shown({"sessionUpdate": "something_new"}) == []
