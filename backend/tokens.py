@@ -68,7 +68,8 @@ def lifetime(text: str) -> float:
         seconds = float(match[1]) * _UNIT_S[match[2]]
     else:
         try:
-            seconds = datetime.combine(date.fromisoformat(text), datetime.max.time()).timestamp() - time.time()
+            last_second = datetime.combine(date.fromisoformat(text), datetime.max.time()).replace(microsecond=0)
+            seconds = last_second.timestamp() - time.time()
         except (ValueError, OverflowError):
             raise ValueError(
                 f"{text!r} is neither a time such as 30m, 12h or 7d, nor a date such as 2027-01-31"
@@ -201,7 +202,7 @@ class Registry:
         except (OSError, ValueError) as error:
             trouble = _cannot_read(self._path, error)
             if trouble != self._trouble:
-                log.error("%s", trouble)
+                log.warning("%s", trouble)
             self._trouble = trouble
             return
         if self._trouble is not None:

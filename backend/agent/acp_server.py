@@ -35,7 +35,7 @@ from pydantic import BaseModel, Field
 
 from backend import __version__, identity, wire
 from backend.agent import commands, options
-from backend.agent.connection import ClientConnection
+from backend.agent.connection import ClientConnection, after_the_answer
 from backend.agent.house import House
 from backend.agent.robot_link import RobotLinkError
 from backend.agent.session import Session
@@ -381,8 +381,7 @@ class AcpServer:
                 await session.attach(self._connection)
             else:
                 await session.attach(self._connection, lambda upto: self._house.sessions.replay(session, after, upto))
-        # The answer that names the session goes first; these belong to the connection, so they have no number.
-        asyncio.get_running_loop().call_soon(self._tell_commands, session.id)
+        after_the_answer(lambda: self._tell_commands(session.id))
 
     def _tell_commands(self, session_id: str) -> None:
         update = {"sessionUpdate": "available_commands_update", "availableCommands": commands.available()}

@@ -12,7 +12,8 @@ import contextlib
 import logging
 import uuid
 from collections import deque
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine
+from contextvars import ContextVar
 from typing import Any
 
 import orjson
@@ -33,6 +34,14 @@ DISMISS_S = 1.0
 """How long somebody who has to leave may take to read what waits."""
 META_ARGUMENT = "meta"
 """The SDK spreads `_meta` over a handler's arguments; here it arrives whole, under this one name."""
+
+
+_follow_ups: ContextVar[list[Callable[[], None]]] = ContextVar("follow_ups")
+
+
+def after_the_answer(follow_up: Callable[[], None]) -> None:
+    """Call this once the request that is being handled has been answered."""
+    _follow_ups.get().append(follow_up)
 
 
 class ClientConnection:
@@ -158,14 +167,19 @@ class ClientConnection:
     async def handle(self, work: Coroutine[Any, Any, Any]) -> Any:
         """Run the handler of the message that was dispatched first of those that have not begun."""
         frame = self._dispatched.popleft()
+        follow_ups: list[Callable[[], None]] = []
+        _follow_ups.set(follow_ups)
+        handler = asyncio.ensure_future(work)  # notifications too: a cancel must not overtake its prompt
         if frame.kind != "request":
-            return await work
-        handler = asyncio.ensure_future(work)
+            return await handler
         self._running[frame.id] = (frame, handler)
         try:
             if frame.id in self._withdrawn:
                 handler.cancel()
-            return await handler
+            answer = await handler
+            for follow_up in follow_ups:
+                asyncio.get_running_loop().call_soon(follow_up)  # the SDK sends the answer before it yields
+            return answer
         except asyncio.CancelledError:
             if frame.id in self._withdrawn:
                 raise RequestError(wire.CANCELLED, "Cancelled.") from None

@@ -53,7 +53,8 @@ async def _serve_tcp(house: House) -> None:
         try:
             plug = writer.get_extra_info("socket")
             plug.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            await _serve_client(house, reader, writer, local=_is_loopback(writer))
+            with contextlib.suppress(asyncio.CancelledError):  # our own end; asyncio would log it as an error
+                await _serve_client(house, reader, writer, local=_is_loopback(writer))
         finally:
             clients.discard(task)
 

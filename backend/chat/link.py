@@ -122,7 +122,8 @@ async def open_link(address: str, token: str | None, incoming: Incoming) -> Link
     except InvalidStatus as error:
         if error.response.status_code in (401, 403):
             raise LinkError(
-                "The robot did not accept this login. Make a token with `robot-acp token create`, pass it with --token."
+                "The robot did not accept this login. Make a token with `robot-acp token create`, and set "
+                "ROBOT_ACP_TOKEN to it."
             ) from None
         raise LinkError(f"{address} answered with HTTP status {error.response.status_code}.") from None
     except (OSError, WebSocketException, TimeoutError):

@@ -93,6 +93,8 @@ async def test_meta_cannot_pose_as_a_parameter(robot: Robot) -> None:
     await raw.answer()
     await raw.send(json.dumps({"jsonrpc": "2.0", "id": 2, "method": "session/new", "params": params}).encode())
     assert "sessionId" in (await raw.answer())["result"]
+    commands = await raw.answer()  # only now does the client know the session
+    assert commands["params"]["update"]["sessionUpdate"] == "available_commands_update"
     raw.writer.close()
 
 

@@ -1,0 +1,142 @@
+"""A login that is revoked is over within two seconds, wherever it is in use; a broken list lets nobody new in."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import time
+
+import pytest
+import viser
+from websockets.exceptions import InvalidStatus
+
+from backend import tokens
+from backend.identity import Role
+from backend.mcp_robot import server as robot_server
+
+IN_TIME_S = 2.0
+VISER = f"viser-v{viser.__version__}"
+REVOKED = (4401, "Your login was revoked. Ask for a new one.")
+
+
+@pytest.fixture
+def revoke(bridge):
+    """Revokes as `robot-acp token revoke` does."""
+    return lambda name: tokens.revoke(bridge.settings.data_dir, name)
+
+
+async def test_a_live_client_is_closed_with_a_reason_and_others_stay(bridge, agent, initialize, closing, revoke):
+    async with (
+        bridge.websocket(token=bridge.token(name="Ana")) as ana,
+        bridge.websocket(token=bridge.token(name="Ben")) as ben,
+    ):
+        for websocket in (ana, ben):
+            await websocket.send(initialize.decode())
+            await agent.heard()
+        revoke("Ana")
+        began = time.monotonic()
+        assert await closing(ana) == REVOKED
+        assert time.monotonic() - began < IN_TIME_S
+        await ben.send('{"jsonrpc":"2.0","method":"$/ping"}')
+        assert b"$/ping" in await agent.heard()
+
+
+async def test_the_reason_is_the_same_when_the_agent_hangs_up_first(bridge, agent, initialize, closing, revoke):
+    async with bridge.websocket(token=bridge.token(name="Ana")) as websocket:
+        await websocket.send(initialize.decode())
+        await agent.heard()
+        revoke("Ana")
+        agent.hang_up()
+        assert await closing(websocket) == REVOKED
+
+
+async def test_a_client_that_has_not_begun_is_closed_too(bridge, closing, revoke):
+    async with bridge.websocket(token=bridge.token(name="Ana")) as websocket:
+        revoke("Ana")
+        assert await closing(websocket) == REVOKED
+
+
+async def test_a_viewer_of_the_scene_is_closed_too(bridge, closing, revoke):
+    async with bridge.websocket("/scene", token=bridge.token(Role.VIEWER, "Vera"), subprotocols=[VISER]) as viewer:
+        revoke("Vera")
+        began = time.monotonic()
+        assert await closing(viewer) == REVOKED
+        assert time.monotonic() - began < IN_TIME_S
+
+
+async def test_a_revoked_token_opens_nothing_from_that_moment_on(bridge, agent, revoke):
+    token = bridge.token(Role.SUPERVISOR, "Ana")
+    cookie, own = {"Cookie": f"robot_acp={token}"}, {"Origin": bridge.origin}
+    async with bridge.http(token) as bearer, bridge.http() as browser:
+        assert (await browser.post("/api/login", json={"token": token})).status_code == 200
+        revoke("Ana")
+        answers = [
+            await browser.get("/api/me"),
+            await browser.get("/scene/"),
+            await browser.post("/api/login", json={"token": token}, headers=own),
+            await browser.post("/api/stop", headers=own),
+            await browser.post("/api/release", headers=own),
+            await bearer.get("/api/me"),
+            await bearer.post("/api/stop"),
+        ]
+    for answer in answers:
+        assert (answer.status_code, answer.json()) == (
+            401,
+            {"error": "This login token was revoked. Ask for a new one."},
+        )
+    for path in ("/acp", "/scene"):
+        for options in ({"token": token}, {"token": None, "headers": cookie, "origin": bridge.origin}):
+            with pytest.raises(InvalidStatus) as refusal:
+                async with bridge.websocket(path, **options):
+                    pass
+            assert refusal.value.response.status_code == 401
+    assert agent.connections == 0
+
+
+async def test_while_the_list_is_broken_nobody_new_comes_in_and_those_inside_stay(bridge, agent, client, wait_until):
+    token = bridge.token(Role.OPERATOR, "Ben")
+    file = bridge.settings.data_dir / tokens.REGISTRY
+    good = file.read_bytes()
+    file.write_bytes(b"broken")
+    async with bridge.http(token) as http:
+        answers = [await http.get("/api/me"), await http.get("/scene/"), await http.post("/api/release")]
+        answers.append(await http.post("/api/login", json={"token": token}))
+        for answer in answers:
+            assert answer.status_code == 503
+            assert answer.json()["error"].startswith("Nobody can log in now")
+            assert str(file) not in answer.text
+            assert "set-cookie" not in answer.headers
+        for path in ("/acp", "/scene"):
+            with pytest.raises(InvalidStatus) as refusal:
+                async with bridge.websocket(path, token=token):
+                    pass
+            assert refusal.value.response.status_code == 503
+        await client.send('{"jsonrpc":"2.0","method":"$/ping"}')
+        assert b"$/ping" in await agent.heard()
+        file.write_bytes(good)
+        assert (await http.get("/api/me")).status_code == 200
+
+
+async def test_while_the_list_is_broken_a_cookie_still_stops_the_robot(settings_for, bridge_with):
+    port: asyncio.Future[int] = asyncio.get_running_loop().create_future()
+    serving = asyncio.create_task(robot_server.serve(settings_for(robot={"port": 0}), on_ready=port.set_result))
+    try:
+        async with asyncio.timeout(20):
+            robot_port = await port
+        async with bridge_with(robot={"port": robot_port}) as bridge, bridge.http() as browser:
+            (bridge.settings.data_dir / tokens.REGISTRY).unlink(missing_ok=True)
+            vera, eve = bridge.token(Role.VIEWER, "Vera"), bridge.token(Role.VIEWER, "Eve")
+            tokens.revoke(bridge.settings.data_dir, "Eve")
+            await browser.post("/api/login", json={"token": vera})
+            (bridge.settings.data_dir / tokens.REGISTRY).write_bytes(b"broken")
+            own = {"Origin": bridge.origin}
+            refused = await browser.post("/api/stop", headers={"Authorization": f"Bearer {eve}"})
+            assert refused.status_code == 401
+            assert (await browser.post("/api/stop", headers={"Origin": "https://evil.example"})).status_code == 403
+            stopped = await browser.post("/api/stop", headers=own)
+            assert (stopped.status_code, stopped.json()["stopped"]["by"]) == (200, "Vera")
+            assert (await browser.post("/api/release", headers=own)).status_code == 503
+    finally:
+        serving.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await serving

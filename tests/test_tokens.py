@@ -1,0 +1,303 @@
+"""The list of login tokens: what the commands say and keep, and whom it lets in."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import multiprocessing
+import os
+import stat
+import subprocess
+import time
+from datetime import datetime
+from pathlib import Path
+
+import pytest
+
+from backend import identity, tokens
+from backend.chat.link import LinkError
+from backend.cli import main
+from backend.identity import InvalidToken, Role
+from backend.tokens import Registry, RegistryError, lifetime
+from tests.processes import PATIENCE_S, Client, Robot, end
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Robot:
+    return Robot(tmp_path / "data")
+
+
+def command(robot: Robot, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        robot.command("token", *arguments), env=robot.variables, text=True, capture_output=True, timeout=PATIENCE_S
+    )
+
+
+def listed(robot: Robot) -> list[dict[str, str]]:
+    return list(json.loads(command(robot, "list", "--json").stdout))
+
+
+def test_a_token_is_made_listed_and_revoked_by_its_id(robot: Robot) -> None:
+    token = command(robot, "create", "--name", "Ana", "--role", "operator", "--expires", "12h").stdout.strip()
+    assert Registry(robot.data).verify(token).name == "Ana"
+    (about,) = listed(robot)
+    assert (about["name"], about["role"], about["state"]) == ("Ana", "operator", "valid")
+    created, expires = (datetime.fromisoformat(about[key]) for key in ("created", "expires"))
+    assert created.utcoffset() is not None
+    assert (expires - created).total_seconds() == 12 * 3600
+
+    revoked = command(robot, "revoke", about["id"])
+    assert (revoked.returncode, revoked.stdout) == (0, f"Revoked {about['id']} of Ana (operator).\n")
+    assert listed(robot)[0]["state"] == "revoked"
+    with pytest.raises(InvalidToken, match="revoked"):
+        Registry(robot.data).verify(token)
+    again = command(robot, "revoke", about["id"])
+    assert (again.returncode, again.stdout) == (
+        0,
+        f"Nothing to do: no token of {about['id']} is valid any more.\n",
+    )
+
+
+def test_revoking_a_name_revokes_all_its_valid_tokens_and_nobody_elses(
+    robot: Robot, capsys: pytest.CaptureFixture[str]
+) -> None:
+    anas = [robot.token("Ana", role) for role in (Role.VIEWER, Role.OPERATOR)]
+    robot.token("Ana", Role.VISITOR, -1)
+    ben = robot.token("Ben", Role.VIEWER)
+    assert main(["--data-dir", str(robot.data), "token", "revoke", "Ana"]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert len(said) == 3
+    assert said[-1] == "These were all valid tokens of Ana."
+    assert [record.state for record in tokens.records(robot.data)] == ["revoked", "revoked", "expired", "valid"]
+    for token in anas:
+        with pytest.raises(InvalidToken):
+            Registry(robot.data).verify(token)
+    assert Registry(robot.data).verify(ben).name == "Ben"
+
+
+def test_an_id_that_does_not_exist_is_told_with_those_that_do(robot: Robot) -> None:
+    empty = command(robot, "revoke", "Ana")
+    assert (empty.returncode, empty.stderr) == (
+        2,
+        "robot-acp: There is no token with the id or name 'Ana'. There is no valid one.\n",
+    )
+    robot.token("Ana", Role.VIEWER)
+    unknown = command(robot, "revoke", "Anna")
+    assert unknown.returncode == 2
+    assert f"'Anna'. Valid ones: {tokens.records(robot.data)[0].id} (Ana)." in unknown.stderr
+
+
+def test_the_list_is_a_table_for_people(robot: Robot, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["--data-dir", str(robot.data), "token", "list"]
+    assert main(arguments) == 0
+    assert "no login tokens yet" in capsys.readouterr().out
+    robot.token("Ana with a long name", Role.SUPERVISOR)
+    robot.token("Ben", Role.VIEWER, -1)
+    assert main(arguments) == 0
+    header, ana, ben = capsys.readouterr().out.splitlines()
+    assert header.split() == ["ID", "NAME", "ROLE", "CREATED", "EXPIRES", "STATE"]
+    assert ana.endswith("valid")
+    assert ben.endswith("expired")
+    assert header.index("ROLE") == ana.index("supervisor") == ben.index("viewer")
+
+
+@pytest.mark.parametrize(("text", "seconds"), [("1m", 60), ("30m", 1800), ("12h", 43200), ("7d", 604800)])
+def test_a_lifetime_is_minutes_hours_or_days(text: str, seconds: float) -> None:
+    assert lifetime(text) == seconds
+
+
+def test_a_date_counts_to_its_end_here() -> None:
+    year = datetime.now().year + 1
+    end = datetime.fromtimestamp(time.time() + lifetime(f"{year}-01-31")).replace(microsecond=0)
+    assert abs((end - datetime(year, 1, 31, 23, 59, 59)).total_seconds()) <= 1
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("", "neither"),
+        ("7", "neither"),
+        ("7w", "neither"),
+        ("-7d", "neither"),
+        ("1.5h", "neither"),
+        ("soon", "neither"),
+        ("٧d", "neither"),
+        ("2027-13-01", "neither"),
+        ("0m", "over already"),
+        ("2020-01-01", "over already"),
+        ("999999999d", "ten years"),
+        ("9999-12-31", "ten years"),
+    ],
+)
+def test_a_lifetime_that_is_none_is_refused_with_a_sentence_and_makes_no_token(
+    robot: Robot, capsys: pytest.CaptureFixture[str], text: str, problem: str
+) -> None:
+    create = ["--data-dir", str(robot.data), "token", "create", "--name", "Ana", "--role", "viewer"]
+    with pytest.raises(SystemExit) as refusal:
+        main([*create, f"--expires={text}"])
+    assert refusal.value.code == 2
+    said = capsys.readouterr()
+    assert f"argument --expires: {text!r} is" in said.err
+    assert problem in said.err
+    assert said.out == ""
+    assert tokens.records(robot.data) == []
+
+
+@pytest.mark.parametrize("name", ["", "  ", "Ana\nBen", "\x1b[2J", "x" * 61])
+def test_a_name_that_would_garble_the_list_is_refused(robot: Robot, name: str) -> None:
+    with pytest.raises(SystemExit):
+        main(["--data-dir", str(robot.data), "token", "create", "--role", "viewer", "--name", name])
+    assert tokens.records(robot.data) == []
+
+
+def test_the_file_is_its_owners_alone_and_holds_no_token(robot: Robot) -> None:
+    made = [robot.token("Ana", Role.OPERATOR), robot.token("Ben", Role.VIEWER)]
+    tokens.revoke(robot.data, "Ben")
+    file = robot.data / tokens.REGISTRY
+    assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    content = file.read_text()
+    for token in made:
+        for part in token.split("."):
+            assert part not in content
+    assert {path.name for path in robot.data.iterdir()} == {tokens.REGISTRY, identity.SIGNING_KEY}
+
+
+def test_a_genuine_token_that_is_not_in_the_list_is_refused(robot: Robot) -> None:
+    robot.token("Ana", Role.VIEWER)
+    key = identity.shared_secret(robot.data, identity.SIGNING_KEY)
+    with pytest.raises(InvalidToken, match="not known to this robot"):
+        Registry(robot.data).verify(identity.issue(key, "Eve", Role.SUPERVISOR, 60))
+
+
+def test_what_expired_long_ago_is_forgotten(robot: Robot) -> None:
+    robot.token("Old", Role.VIEWER, -40 * 86400)
+    robot.token("Ana", Role.VIEWER)
+    assert [record.name for record in tokens.records(robot.data)] == ["Ana"]
+
+
+def _make_and_revoke(data: Path, name: str) -> None:
+    for _ in range(10):
+        tokens.create(data, name, Role.VIEWER, 60)
+        tokens.create(data, f"{name} stays", Role.VIEWER, 60)
+        tokens.revoke(data, name)
+
+
+def test_processes_that_write_at_once_lose_nothing(tmp_path: Path) -> None:
+    context = multiprocessing.get_context("spawn")
+    names = ["a", "b", "c", "d"]
+    writers = [context.Process(target=_make_and_revoke, args=(tmp_path, name)) for name in names]
+    for writer in writers:
+        writer.start()
+    while any(writer.is_alive() for writer in writers):
+        tokens.records(tmp_path)  # a reader never sees half of it: this raises where it does
+    assert [writer.exitcode for writer in writers] == [0, 0, 0, 0]
+    known = tokens.records(tmp_path)
+    assert len(known) == len({record.id for record in known}) == 80
+    for name in names:
+        assert {record.state for record in known if record.name == name} == {"revoked"}
+        assert {record.state for record in known if record.name == f"{name} stays"} == {"valid"}
+
+
+def break_list(data: Path, how: str) -> None:
+    file = data / tokens.REGISTRY
+    if how == "deleted":
+        file.unlink()
+    elif how == "a folder":
+        file.unlink()
+        file.mkdir()
+    else:
+        file.write_bytes({"empty": b"", "cut off": file.read_bytes()[:-20], "another shape": b"{}"}[how])
+
+
+BREAKAGES = ["deleted", "a folder", "empty", "cut off", "another shape"]
+
+
+@pytest.mark.parametrize("how", BREAKAGES)
+def test_while_the_list_cannot_be_read_nobody_is_let_in_but_people_may_stop_the_robot(
+    robot: Robot, caplog: pytest.LogCaptureFixture, how: str
+) -> None:
+    ana, ben = robot.token("Ana", Role.OPERATOR), robot.token("Ben", Role.OPERATOR)
+    tokens.revoke(robot.data, "Ben")
+    registry = Registry(robot.data)
+    inside = registry.verify(ana)
+    good = (robot.data / tokens.REGISTRY).read_bytes()
+
+    break_list(robot.data, how)
+    for knowing in (registry, Registry(robot.data)):  # one that read the list before, and one that starts now
+        for _ in range(3):
+            with pytest.raises(RegistryError, match="Nobody can log in now"):
+                knowing.verify(ana)
+        assert knowing.verify(ana, to_stop=True).name == "Ana"
+        with pytest.raises(InvalidToken):
+            knowing.verify("forged", to_stop=True)
+    with pytest.raises(InvalidToken, match="revoked"):
+        registry.verify(ben, to_stop=True)
+    assert registry.ended(inside) is None  # whoever is in stays
+    told = [record.getMessage() for record in caplog.records if record.name == "backend.tokens"]
+    assert len(told) == 2  # once for each of the two, however often somebody asks
+    assert all("nobody can log in" in line and "`robot-acp token create`" in line for line in told)
+
+    if how == "a folder":
+        (robot.data / tokens.REGISTRY).rmdir()
+    (robot.data / tokens.REGISTRY).write_bytes(good)
+    assert registry.verify(ana).name == "Ana"
+
+
+@pytest.mark.parametrize("how", [how for how in BREAKAGES if how != "deleted"])
+def test_a_list_that_cannot_be_read_is_never_overwritten(robot: Robot, how: str) -> None:
+    robot.token("Ana", Role.VIEWER)
+    break_list(robot.data, how)
+    for attempt in (["create", "--name", "Ben", "--role", "viewer"], ["revoke", "Ana"], ["list"]):
+        refused = command(robot, *attempt)
+        assert (refused.returncode, refused.stdout) == (2, "")
+        assert "cannot be read" in refused.stderr
+        assert "Traceback" not in refused.stderr
+
+
+def test_deleting_the_list_lets_nobody_back_in(robot: Robot) -> None:
+    ana, ben = robot.token("Ana", Role.VIEWER), robot.token("Ben", Role.VIEWER)
+    tokens.revoke(robot.data, "Ben")
+    registry = Registry(robot.data)
+    inside = registry.verify(ana)
+    (robot.data / tokens.REGISTRY).unlink()
+    new = robot.token("Ana", Role.VIEWER)
+    for old in (ana, ben):
+        with pytest.raises(InvalidToken):
+            registry.verify(old)
+    assert registry.ended(inside) is not None
+    assert registry.verify(new).name == "Ana"
+
+
+def test_a_writer_that_died_in_the_middle_leaves_the_list_as_it_was(robot: Robot) -> None:
+    robot.token("Ana", Role.VIEWER)
+    (robot.data / f".{tokens.REGISTRY}.{os.getpid()}").write_bytes(b"[{")
+    robot.token("Ben", Role.VIEWER)
+    assert [record.name for record in tokens.records(robot.data)] == ["Ana", "Ben"]
+
+
+def test_the_login_that_up_prints_is_in_the_list(robot: Robot) -> None:
+    up = robot.spawn("up", stdout=subprocess.PIPE)
+    try:
+        assert up.stdout is not None
+        token = next(line.partition("#token=")[2].strip() for line in up.stdout if "#token=" in line)
+    finally:
+        end(up)
+    (record,) = tokens.records(robot.data)
+    assert (record.name, record.state) == ("supervisor", "valid")
+    assert Registry(robot.data).verify(token).token_id == record.id
+
+
+async def test_the_revoke_command_ends_a_login_in_use_in_every_process(robot: Robot) -> None:
+    token = robot.token("Ana", Role.SUPERVISOR)
+    with robot.running("agent", port=robot.agent_port), robot.running("bridge", port=robot.bridge_port):
+        web = await Client.open(f"ws://127.0.0.1:{robot.bridge_port}/acp", token)
+        direct = await Client.open(f"tcp://127.0.0.1:{robot.agent_port}")
+        await direct.link.request("authenticate", {"methodId": "token", "_meta": {"robot-acp/token": token}})
+        assert (await asyncio.to_thread(command, robot, "revoke", "Ana")).returncode == 0
+        async with asyncio.timeout(2.0):
+            assert await web.link.closed == "Your login was revoked. Ask for a new one."
+            await direct.link.closed
+        with pytest.raises(LinkError, match="did not accept this login"):
+            await Client.open(f"ws://127.0.0.1:{robot.bridge_port}/acp", token)
+        for client in (web, direct):
+            await client.close()
