@@ -7,6 +7,7 @@ types. Nothing here talks to the robot or to a model: that is the turn.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 from typing import Any
 
@@ -271,6 +272,9 @@ class AcpServer:
         if self._connection not in session.watching:
             await self._attach(session)
         blocks = [block.model_dump(mode="json", by_alias=True, exclude_none=True) for block in prompt]
+        if commands.named_in(blocks) == "stop":
+            with contextlib.suppress(RobotLinkError):  # the turn tells it; a stop waits for no turn that runs
+                await self._house.link.stop(who.name)
         turn = Turn(self._house.bench, session, who.name, blocks, self._connection)
 
         async def work() -> str:

@@ -52,6 +52,19 @@ class Verdict:
         """Whether it is to count for this tool for the rest of the session."""
         return self.reason == "selected" and self.option in ("allow_always", "reject_always")
 
+    @property
+    def refusal(self) -> str:
+        """Why it was not allowed, in words for people and the model."""
+        match self.reason:
+            case "selected":
+                return f"refused by {self.by}"
+            case "remembered":
+                return "refused: somebody chose to refuse this for the whole session"
+            case "timeout":
+                return "refused: nobody answered in time"
+            case "nobody":
+                return "refused: nobody is there who may allow it"
+
 
 def options(subject: str) -> list[dict[str, str]]:
     """The four answers, in words for people; `subject` is what the tool does, as in "speech"."""

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from backend.agent import commands, elicitation, export, model, present, prompts
+from backend.agent.chunks import Chunks
 from backend.agent.history import PLAN_TOOL, Message
 from backend.agent.lease import Claim, Lease
 from backend.agent.permissions import Verdict
@@ -27,8 +28,6 @@ from backend.agent.store import Store
 log = logging.getLogger(__name__)
 
 PROGRESS_EVERY_S = 0.5
-CHUNK_EVERY_S = 0.04
-"""Words of a stream are put together for so long: each event is a row of the log."""
 
 Infer = Callable[[str, list[Message], list[dict[str, Any]]], AsyncIterator[model.Part]]
 
@@ -160,7 +159,7 @@ class Turn:
             self._tell_name()
             return
         messages = [{"role": "system", "content": prompts.thought(system)}, *self.session.history.messages()]
-        words = _Chunks(lambda text: self.session.record(present.thought(text)))
+        words = Chunks(lambda text: self.session.record(present.thought(text)))
         try:
             async with asyncio.timeout(self.bench.thought_timeout_s):
                 async for part in self.bench.infer(self._model or self.session.row.model, messages, []):
@@ -180,8 +179,8 @@ class Turn:
     ) -> list[model.Call]:
         """One inference; what it says is shown as it comes, but never before the preliminary thought is."""
         calls: list[model.Call] = []
-        said = _Chunks(lambda text: self.session.record(present.message(text)))
-        thoughts = _Chunks(lambda text: self.session.record(present.thought(text)))
+        said = Chunks(lambda text: self.session.record(present.message(text)))
+        thoughts = Chunks(lambda text: self.session.record(present.thought(text)))
         async for part in self.bench.infer(self._model or self.session.row.model, messages, schemas):
             await asyncio.wait([thinking])
             match part:
@@ -258,8 +257,7 @@ class Turn:
             return True
         verdict = await self._ask(call_id, tool, arguments)
         if not verdict.allowed:
-            text = _refusal(verdict)
-            self._end(call_id, present.tool_status(call_id, "failed", text, verdict))
+            self._end(call_id, present.tool_status(call_id, "failed", verdict.refusal, verdict))
             return False
         # A mode that was changed while people thought about it counts.
         if self._decide(tool) == "deny":
@@ -365,43 +363,10 @@ class Turn:
 
     def _name_session(self) -> str | None:
         """Name a session that has no name after its first prompt."""
-        text = " ".join(block["text"] for block in self.prompt if block.get("type") == "text").strip()
+        text = " ".join(block["text"] for block in self.prompt if block.get("type") == "text")
+        text = text.replace("\0", "").strip()  # PostgreSQL takes none in a title
         if self.session.row.title is not None or not text:
             return None
         name = (text[:77] + "…") if len(text) > 78 else text
         self.session.change(title=name)
         return name
-
-
-def _refusal(verdict: Verdict) -> str:
-    match verdict.reason:
-        case "selected":
-            return f"refused by {verdict.by}"
-        case "remembered":
-            return "refused: somebody chose to refuse this for the whole session"
-        case "timeout":
-            return "refused: nobody answered in time"
-        case _:
-            return "refused: nobody is there who may allow it"
-
-
-class _Chunks:
-    """Puts the words of a stream together, so that neither the log nor a client gets an event for each."""
-
-    def __init__(self, show: Callable[[str], None]) -> None:
-        self._show = show
-        self._text = ""
-        self._last = time.monotonic()
-
-    def add(self, text: str) -> None:
-        """Take in words; show what has come together when it is time."""
-        self._text += text
-        if time.monotonic() - self._last >= CHUNK_EVERY_S:
-            self.flush()
-
-    def flush(self) -> None:
-        """Show what is left."""
-        if self._text:
-            self._show(self._text)
-            self._text = ""
-            self._last = time.monotonic()

@@ -163,6 +163,20 @@ async def test_commands_run_without_the_model_under_the_same_policy(connect: Ope
     assert client.of("agent_thought_chunk") == []
 
 
+async def test_the_stop_command_waits_for_no_turn_that_runs(robot: Robot, connect: Opener) -> None:
+    client = await connect()
+    await client.new()
+    async with robot.watched() as watched:
+        turn = await driving(client)
+        await watched.until(lambda: watched.speed > 0.3, "the robot to drive")
+        stop = client.later(client.prompt("/stop"))
+        await watched.until(lambda: watched.speed == 0 and watched.state.stop is not None, "the stop", 2)
+        assert await turn == "end_turn"
+        assert await stop == "end_turn"
+        await client.link.request("_robot/release", {})
+    assert "Stopped by local" in client.said
+
+
 async def test_export_hands_the_log_to_a_client_that_takes_files(connect: Opener) -> None:
     written: list[dict[str, object]] = []
     client = await connect(capabilities={"fs": {"writeTextFile": True}})
