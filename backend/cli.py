@@ -9,17 +9,22 @@ import asyncio
 import contextlib
 import json
 import logging
+import os
 import signal
 import sys
 from collections.abc import Coroutine, Sequence
 from datetime import UTC, datetime, tzinfo
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from backend import __version__, config, tokens
 from backend.identity import Role
 
+if TYPE_CHECKING:
+    from backend.gateway.remote import Address
+
 MAX_NAME_CHARS = 60
+LISTEN_PORT = 9200
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -76,6 +81,15 @@ def _parser() -> argparse.ArgumentParser:
     chat.add_argument("--json", action="store_true", help="print every message of the agent as one line of JSON")
     chat.set_defaults(run=_chat)
 
+    connect = commands.add_parser("connect", help="be a stdio agent for an editor: messages go to a remote robot")
+    _remote_flags(connect)
+    connect.set_defaults(run=_connect)
+
+    listen = commands.add_parser("listen", help="be a TCP agent on this machine: messages go to a remote robot")
+    _remote_flags(listen)
+    listen.add_argument("--port", type=int, default=LISTEN_PORT, help="on 127.0.0.1 (default: 9200)")
+    listen.set_defaults(run=_listen)
+
     _token_commands(commands.add_parser("token", help="login tokens: create, list, revoke"))
 
     sessions = commands.add_parser("sessions", help="the log of sessions, for those who run the robot")
@@ -122,6 +136,15 @@ def _lifetime(text: str) -> float:
         return tokens.lifetime(text)
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def _remote_flags(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "address", nargs="?", help="wss://HOST/acp, ws://HOST:PORT/acp or tcp://HOST:PORT (default: the local bridge)"
+    )
+    parser.add_argument(
+        "--token", help="login token; other users of this computer can see it here, so rather set ROBOT_ACP_TOKEN"
+    )
 
 
 def _robot_flags(parser: argparse.ArgumentParser) -> None:
@@ -182,6 +205,27 @@ def _chat(settings: config.Settings, options: argparse.Namespace) -> int:
     return asyncio.run(run(settings, options.address, options.session, options.token, options.json))
 
 
+def _connect(settings: config.Settings, options: argparse.Namespace) -> int:
+    from backend.gateway.connect import run
+
+    return _until_signal(run(_remote(settings, options)))
+
+
+def _listen(settings: config.Settings, options: argparse.Namespace) -> int:
+    from backend.gateway.listen import serve
+
+    if not 0 <= options.port <= 65535:
+        raise config.ConfigError(f"--port: {options.port} is no port.")
+    return _until_signal(serve(_remote(settings, options), options.port))
+
+
+def _remote(settings: config.Settings, options: argparse.Namespace) -> Address:
+    from backend.gateway.remote import Address
+
+    token = options.token or os.environ.get("ROBOT_ACP_TOKEN")
+    return Address.parse(options.address, token) if options.address else Address.of_local_bridge(settings, token)
+
+
 def _token_create(settings: config.Settings, options: argparse.Namespace) -> int:
     print(tokens.create(settings.data_dir, options.name, Role(options.role), options.expires))
     return 0
@@ -215,6 +259,8 @@ def _token_revoke(settings: config.Settings, options: argparse.Namespace) -> int
     revoked = tokens.revoke(settings.data_dir, options.id_or_name)
     for record in revoked:
         print(f"Revoked {record.id} of {record.name} ({record.role.value}).")
+    if len(revoked) > 1:
+        print(f"These were all valid tokens of {options.id_or_name}.")
     if not revoked:
         print(f"Nothing to do: no token of {options.id_or_name} is valid any more.")
     return 0
@@ -232,19 +278,19 @@ def _sessions_export(settings: config.Settings, options: argparse.Namespace) -> 
     return asyncio.run(print_session(settings.database_url, options.id))
 
 
-def _until_signal(work: Coroutine[Any, Any, None]) -> int:
+def _until_signal(work: Coroutine[Any, Any, int | None]) -> int:
     """Run until the work ends, or SIGINT or SIGTERM cancels it: everything is closed in order either way."""
 
-    async def run() -> None:
+    async def run() -> int:
         task = asyncio.ensure_future(work)
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, task.cancel)
         with contextlib.suppress(asyncio.CancelledError):
-            await task
+            return await task or 0
+        return 0
 
-    asyncio.run(run())
-    return 0
+    return asyncio.run(run())
 
 
 def _log_to_stderr(level: str) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 BACKEND = Path(__file__).parent.parent / "backend"
-LAYERS = ("bridge", "agent", "mcp_robot", "chat")
+LAYERS = ("bridge", "agent", "mcp_robot", "chat", "gateway")
 ENTRY_POINTS = {"cli.py", "up.py"}
 
 

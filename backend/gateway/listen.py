@@ -1,0 +1,86 @@
+"""`robot-acp listen`: a remote robot as a TCP agent on this machine's loopback, and nowhere else.
+
+Whoever reaches the port has the rights of the token, so a connection that does not begin with `initialize` is closed
+at once: a web page can post to a local port, but it cannot begin like this.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import socket
+
+from backend import wire
+from backend.gateway.closing import close
+from backend.gateway.pipe import Pipe
+from backend.gateway.remote import Address, RemoteError
+
+HOST = "127.0.0.1"
+_FIRST_LINE_SECONDS = 30.0
+
+log = logging.getLogger(__name__)
+
+
+async def serve(address: Address, port: int) -> None:
+    """Serve until cancelled; each client has a connection of its own to the remote. Raises `OSError`."""
+    clients: set[asyncio.Task[None]] = set()
+
+    async def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        task = asyncio.current_task()
+        assert task is not None  # noqa: S101 - a coroutine always runs in a task
+        clients.add(task)
+        try:
+            await _serve_client(address, reader, writer)
+        finally:
+            clients.discard(task)
+
+    server = await asyncio.start_server(accept, HOST, port, limit=wire.MAX_FRAME_BYTES + 1)
+    log.info("%s is on tcp://%s:%d", address.url, *server.sockets[0].getsockname()[:2])
+    try:
+        async with server:
+            await server.serve_forever()
+    finally:
+        for task in list(clients):
+            task.cancel()
+        await asyncio.gather(*clients, return_exceptions=True)
+
+
+async def _serve_client(address: Address, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    connected: socket.socket = writer.get_extra_info("socket")
+    connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    try:
+        hello = await _first_line(reader)
+        if hello is None:
+            log.warning("closed a connection that did not begin with initialize")
+        else:
+            await _relay(address, hello, reader, writer)
+    finally:
+        await close(writer)
+
+
+async def _first_line(reader: asyncio.StreamReader) -> wire.Frame | None:
+    """The request to initialize, or None for anything else."""
+    try:
+        async with asyncio.timeout(_FIRST_LINE_SECONDS):
+            line = await wire.read_line(reader)
+        frame = wire.check(line) if line is not None else None
+    except (wire.BadFrame, OSError, TimeoutError):
+        return None
+    return frame if frame and frame.kind == "request" and frame.method == "initialize" else None
+
+
+async def _relay(
+    address: Address, hello: wire.Frame, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+) -> None:
+    try:
+        remote = await address.connect()
+    except RemoteError as error:
+        log.error("%s", error)
+        writer.write(wire.error_frame(hello.id, wire.INTERNAL_ERROR, str(error)) + b"\n")
+        return
+    try:
+        await Pipe(reader, writer, remote).run(hello)
+    except RemoteError as error:
+        log.error("%s", error)
+    finally:
+        await remote.close()
