@@ -136,7 +136,7 @@ class ClientConnection:
             if frame.kind == "response":
                 self._take_answer(frame)
                 continue
-            if frame.method == "$/cancel_request":
+            if frame.method == "$/cancel_request" and frame.kind == "notification":
                 cancel = self._withdraw(frame)
                 if cancel is None:
                     continue
@@ -287,9 +287,11 @@ class _Guarded:
         try:
             work = self._router(method, params if params is not None else {}, is_notification)
             return await self._connection.handle(work)
-        except RequestError:
+        except RequestError as error:
             if is_notification:
                 return None  # an unknown or refused notification is ignored
+            if error.code == wire.METHOD_NOT_FOUND:
+                raise RequestError(error.code, f"There is no method {method[:80]}.") from None
             raise
         except ValidationError as error:
             where = [{"at": ".".join(map(str, e["loc"])), "problem": e["type"]} for e in error.errors()[:10]]

@@ -12,7 +12,8 @@ import orjson
 from acp.exceptions import RequestError
 
 from backend.agent.session import Listener, Session
-from backend.agent.store import Event, Store
+from backend.agent.store import Event, Store, StoreError
+from backend.config import ConfigError
 
 
 def as_lines(events: Iterable[Event]) -> str:
@@ -66,7 +67,10 @@ async def print_session(database_url: str, session_id: str) -> int:
 @asynccontextmanager
 async def _opened(database_url: str) -> AsyncIterator[Store]:
     store = Store(database_url)
-    await store.open()
+    try:
+        await store.open()
+    except StoreError as error:
+        raise ConfigError(str(error)) from None
     try:
         yield store
     finally:

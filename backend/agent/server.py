@@ -10,7 +10,6 @@ from collections.abc import AsyncIterator
 from ipaddress import ip_address
 
 from acp.stdio import stdio_streams
-from sqlalchemy.exc import SQLAlchemyError
 
 from backend import identity, wire
 from backend.agent import model
@@ -23,7 +22,7 @@ from backend.agent.policy import MODE_IDS, Policy
 from backend.agent.robot_link import RobotLink
 from backend.agent.robot_tools import RobotTools
 from backend.agent.sessions import Sessions
-from backend.agent.store import Store
+from backend.agent.store import Store, StoreError
 from backend.agent.turn import Workbench
 from backend.config import ConfigError, Settings
 from backend.tokens import Registry
@@ -119,9 +118,8 @@ async def _house(settings: Settings) -> AsyncIterator[House]:
     store = Store(settings.database_url)
     try:
         await store.open()
-    except (SQLAlchemyError, ModuleNotFoundError) as error:
-        log.debug("database", exc_info=True)
-        raise ConfigError(f"agent.database cannot be used: {type(error).__name__}. Check the URL.") from None
+    except StoreError as error:
+        raise ConfigError(str(error)) from None
     journal = Journal(store)
     sessions = Sessions(store, journal, tools, agent.pose_tool, agent.permission_timeout)
     house = House(

@@ -8,6 +8,7 @@ PostgreSQL ever blocks the event loop.
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import AsyncIterator, Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -17,6 +18,8 @@ from typing import Any, TypeVar
 
 import orjson
 import sqlalchemy as sa
+
+log = logging.getLogger(__name__)
 
 _metadata = sa.MetaData()
 
@@ -91,6 +94,10 @@ class Event:
         return head + b',"update":' + self.raw + b',"_meta":{"robot-acp/seq":%d}}}\n' % self.seq
 
 
+class StoreError(Exception):
+    """The database cannot be used; the text says why, and never holds its URL, which can hold a password."""
+
+
 class Store:
     """The sessions and events behind a SQLAlchemy URL. Open it before use, close it after."""
 
@@ -100,8 +107,12 @@ class Store:
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="store")
 
     async def open(self) -> None:
-        """Connect and make what is missing. Raises `sqlalchemy.exc.SQLAlchemyError`."""
-        await self._run(self._open)
+        """Connect and make what is missing. Raises `StoreError`."""
+        try:
+            await self._run(self._open)
+        except (sa.exc.SQLAlchemyError, ModuleNotFoundError, OSError) as error:
+            log.debug("opening the database", exc_info=True)
+            raise StoreError(f"The database of sessions cannot be used ({type(error).__name__}).") from error
 
     async def close(self) -> None:
         """Let the last write finish, then disconnect."""
@@ -168,6 +179,14 @@ class Store:
                 connection.exec_driver_sql("PRAGMA journal_mode=WAL")
                 connection.exec_driver_sql("PRAGMA synchronous=NORMAL")
         _metadata.create_all(self._engine)
+        inspector = sa.inspect(self._engine)
+        for table in _metadata.tables.values():
+            found = {column["name"] for column in inspector.get_columns(table.name)}
+            if missing := sorted(set(table.columns.keys()) - found):
+                raise StoreError(
+                    f"The database of sessions was made by another version of robot-acp: {table.name} has no "
+                    f"{', '.join(missing)}. Move it away, or name another one with agent.database."
+                )
 
     def _append(self, rows: list[dict[str, Any]], latest: dict[str, float]) -> None:
         with self._connected().begin() as connection:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import signal
+import sqlite3
+import subprocess
 from pathlib import Path
 
 from backend.chat.link import LinkError
-from tests.processes import Client, Robot, end, eventually
+from tests.processes import PATIENCE_S, Client, Robot, end, eventually
 
 
 async def test_a_robot_server_that_is_not_there_is_told_and_comes_back_without_a_restart(tmp_path: Path) -> None:
@@ -79,3 +81,28 @@ async def test_the_agent_ends_in_order_and_the_robot_is_at_rest(tmp_path: Path) 
             assert watched.speed == 0
         await eventually(lambda: client.link.closed.done(), "the connection to end")
         await client.close()
+
+
+def test_a_database_of_another_version_is_told_and_left_alone(tmp_path: Path) -> None:
+    file = tmp_path / "sessions.db"
+    with sqlite3.connect(file) as old:
+        old.execute("CREATE TABLE sessions (id TEXT PRIMARY KEY, updated FLOAT)")
+        old.execute("INSERT INTO sessions VALUES ('s1', 0)")
+    robot = Robot(tmp_path)
+    for arguments in (("agent",), ("sessions", "list")):
+        process = robot.spawn(*arguments, stderr=subprocess.PIPE)
+        _, error = process.communicate(timeout=PATIENCE_S)
+        assert process.returncode == 2
+        assert "was made by another version of robot-acp" in error
+        assert "Traceback" not in error
+    with sqlite3.connect(file) as old:
+        assert old.execute("SELECT id FROM sessions").fetchall() == [("s1",)]
+
+
+def test_a_database_that_cannot_be_used_is_told_without_its_password(tmp_path: Path) -> None:
+    robot = Robot(tmp_path, {"ROBOT_ACP_AGENT__DATABASE": "nonsense://ana:hunter2@host/db"})
+    process = robot.spawn("agent", stderr=subprocess.PIPE)
+    _, error = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 2
+    assert "The database of sessions cannot be used" in error
+    assert "hunter2" not in error
