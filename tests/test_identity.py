@@ -37,7 +37,7 @@ def test_names_come_back_as_they_were(name):
 
 def claims(**changes) -> dict:
     now = int(time.time())
-    known = {"aud": "robot-acp", "sub": "Eve", "role": "supervisor", "jti": "1", "iat": now, "exp": now + 60}
+    known = {"aud": "robot-acp", "sub": "Eve", "role": "supervisor", "jti": "1", "iat": now, "exp": now + 86_400}
     return {key: value for key, value in (known | changes).items() if value is not None}
 
 
@@ -49,7 +49,7 @@ def unsigned(algorithm: str = "none") -> str:
 
 
 def tampered() -> str:
-    head, body, signature = issue(KEY, "Ana", Role.VIEWER, 60).split(".")
+    head, body, signature = issue(KEY, "Ana", Role.VIEWER, 86_400).split(".")
     forged = json.loads(base64.urlsafe_b64decode(body + "=="))
     forged["role"] = "supervisor"
     body = base64.urlsafe_b64encode(json.dumps(forged).encode()).rstrip(b"=").decode()
