@@ -69,8 +69,10 @@ class Agent(_Section):
     thought_timeout: float = Field(5.0, gt=0, description="seconds that acting waits for the first thought")
     max_steps: int = Field(40, gt=0, description="inferences a turn")
     pose_tool: str = Field("get_current_pose", description="tool that tells where a session started")
+    unattended_after: float = Field(45.0, ge=0, description="seconds without anybody who may operate; 0 is never")
     four_eyes: list[str] = Field([], description="tools that somebody else than the asker must approve")
     policy: dict[str, dict[str, Decision]] = Field({}, description="mode -> tool -> allow, ask or deny")
+    visitors: dict[str, Decision] = Field({}, description="tool -> what a visitor's prompt may do at most")
 
 
 class Bridge(_Section):

@@ -275,7 +275,7 @@ class AcpServer:
         if commands.named_in(blocks) == "stop":
             with contextlib.suppress(RobotLinkError):  # the turn tells it; a stop waits for no turn that runs
                 await self._house.link.stop(who.name)
-        turn = Turn(self._house.bench, session, who.name, blocks, self._connection)
+        turn = Turn(self._house.bench, session, who, blocks, self._connection)
 
         async def work() -> str:
             if session.row.start_pose is None and (pose := await self._house.sessions.robot_pose()):

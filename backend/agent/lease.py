@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 @dataclass(eq=False)
 class Claim:
-    """A turn that wants to act. `lose` is called with a name when somebody takes the robot over."""
+    """A turn that wants to act. `lose` ends it, and is called with the reason, the first half of a sentence."""
 
     session_id: str
     by: str
@@ -51,7 +51,7 @@ class Lease:
         loser = self.holder
         if loser is None or loser.session_id == session_id:
             return None
-        loser.lose(by)
+        loser.lose(f"{by} took the robot over")
         return loser
 
     def _pass_on(self) -> None:

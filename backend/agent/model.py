@@ -12,7 +12,7 @@ import os
 from collections.abc import AsyncIterator
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any
+from typing import Any, Literal
 
 import orjson
 
@@ -57,7 +57,19 @@ class Usage:
     size: int
 
 
-Part = Text | Thinking | Call | Usage
+CutReason = Literal["max_tokens", "refusal"]
+"""Why a model ended before its answer did, in ACP's words."""
+_CUTS: dict[str, CutReason] = {"length": "max_tokens", "content_filter": "refusal"}
+
+
+@dataclass(frozen=True)
+class Cut:
+    """The answer is not whole: it got too long, or its provider withheld it."""
+
+    reason: CutReason
+
+
+Part = Text | Thinking | Call | Usage | Cut
 
 
 @dataclass
@@ -118,6 +130,8 @@ async def stream(model: str, messages: list[Message], tools: list[dict[str, Any]
                 yield Usage(int(usage.total_tokens), _context_size(litellm, model))
             if not chunk.choices:
                 continue
+            if cut := _CUTS.get(chunk.choices[0].finish_reason or ""):
+                yield Cut(cut)
             delta = chunk.choices[0].delta
             if thinking := getattr(delta, "reasoning_content", None):
                 yield Thinking(thinking)

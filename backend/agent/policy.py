@@ -1,7 +1,8 @@
 """What a mode lets a tool do: allow, ask a person first, or deny. Deterministic; the model cannot change it.
 
 THE PERMISSION RULE is `decide`, and it is the only one. A tool that the table names follows the table; any
-other is judged by its MCP annotations, which are hints of the robot server; one without annotations asks.
+other is judged by its MCP annotations, which are hints of the robot server; one without annotations asks. What a
+visitor asks for passes the visitors' table, too, and the stricter of the two counts.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from backend.config import Decision as Decision  # the three words are also those of robot.toml
+from backend.identity import Role
 
 Mode = Literal["observe", "plan", "movement", "supervised", "autonomous"]
 
@@ -56,6 +58,17 @@ _OTHER_ACTING: dict[str, Decision] = {
     "autonomous": "allow",
 }
 
+_STRICTNESS: tuple[Decision, ...] = ("allow", "ask", "deny")
+
+
+VISITORS_TABLE: dict[str, Decision] = {
+    "navigate_to_place": "allow",
+    "rotate_in_place": "allow",
+    "navigate_to_pose": "ask",
+    "speak": "ask",
+}
+"""What a visitor's prompt may set off, at most: driving to places with a name."""
+
 
 @dataclass(frozen=True)
 class ToolTraits:
@@ -67,21 +80,33 @@ class ToolTraits:
 
 
 class Policy:
-    """The table of robot.toml over the defaults."""
+    """The tables of robot.toml over the defaults: mode -> tool -> decision, and for visitors tool -> decision."""
 
-    def __init__(self, overrides: dict[str, dict[str, Decision]] | None = None) -> None:
+    def __init__(
+        self,
+        overrides: dict[str, dict[str, Decision]] | None = None,
+        visitors: dict[str, Decision] | None = None,
+    ) -> None:
         """Raises `ValueError` for a mode that does not exist."""
         overrides = overrides or {}
         if unknown := set(overrides) - MODE_IDS:
             raise ValueError(f"[agent.policy] names no mode {sorted(unknown)[0]!r}; modes: {', '.join(MODES_IN_ORDER)}")
         self._table = {mode: DEFAULT_TABLE[mode] | overrides.get(mode, {}) for mode in MODES_IN_ORDER}
+        self._visitors = VISITORS_TABLE | (visitors or {})
 
-    def decide(self, mode: str, tool: ToolTraits, motion_asks: bool = False) -> Decision:
-        """Whether `tool` may run in `mode`; `motion_asks` is a session's wish that motion asks where it is free."""
+    def decide(self, mode: str, tool: ToolTraits, asker: Role, motion_asks: bool = False) -> Decision:
+        """Whether `tool` may run in `mode` for `asker`; `motion_asks` is a session's wish that motion asks where it
+        is free."""
         decision = self._by_mode(mode, tool)
         if decision == "allow" and motion_asks and (tool.name in _MOTION or tool.can_preview):
-            return "ask"
+            decision = "ask"
+        if asker is Role.VISITOR:
+            decision = max(decision, self._for_visitors(tool), key=_STRICTNESS.index)
         return decision
+
+    def _for_visitors(self, tool: ToolTraits) -> Decision:
+        # What nobody thought of when the table was written, and acts, is not a stranger's to start.
+        return self._visitors.get(tool.name, "allow" if tool.read_only else "ask")
 
     def _by_mode(self, mode: str, tool: ToolTraits) -> Decision:
         if named := self._table[mode].get(tool.name):

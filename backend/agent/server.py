@@ -14,6 +14,7 @@ from acp.stdio import stdio_streams
 from backend import identity, wire
 from backend.agent import model
 from backend.agent.acp_server import AcpServer
+from backend.agent.attendance import Attendance
 from backend.agent.connection import ClientConnection
 from backend.agent.house import House
 from backend.agent.journal import Journal
@@ -106,7 +107,7 @@ async def _house(settings: Settings) -> AsyncIterator[House]:
     if agent.default_mode not in MODE_IDS:
         raise ConfigError(f"agent.default_mode: there is no mode {agent.default_mode!r}.")
     try:
-        policy = Policy(agent.policy)
+        policy = Policy(agent.policy, agent.visitors)
     except ValueError as error:
         raise ConfigError(str(error)) from None
     # Our robot server has a secret, a telemetry stream and a stop path. Another MCP server gets none of our secrets.
@@ -122,6 +123,7 @@ async def _house(settings: Settings) -> AsyncIterator[House]:
         raise ConfigError(str(error)) from None
     journal = Journal(store)
     sessions = Sessions(store, journal, tools, agent.pose_tool, agent.permission_timeout)
+    lease = Lease()
     house = House(
         settings=settings,
         tokens=tokens,
@@ -134,7 +136,7 @@ async def _house(settings: Settings) -> AsyncIterator[House]:
             policy=policy,
             link=link,
             store=store,
-            lease=Lease(),
+            lease=lease,
             thought_timeout_s=agent.thought_timeout,
             max_steps=agent.max_steps,
             answer_timeout_s=agent.permission_timeout,
@@ -146,6 +148,7 @@ async def _house(settings: Settings) -> AsyncIterator[House]:
         asyncio.create_task(tokens.run(), name="tokens"),
         asyncio.create_task(journal.run(), name="journal"),
         asyncio.create_task(link.run(), name="robot link"),
+        asyncio.create_task(Attendance(sessions, lease, agent.unattended_after).run(), name="attendance"),
         asyncio.create_task(_warm_up(tools), name="warm up"),
     ]
     try:

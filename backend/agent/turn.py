@@ -24,10 +24,15 @@ from backend.agent.robot_link import RobotLink, RobotLinkError
 from backend.agent.robot_tools import PREVIEW_ARGUMENT, Progress, RobotTools, RobotUnavailable, Tool, ToolResult
 from backend.agent.session import Listener, Session
 from backend.agent.store import Store
+from backend.identity import Identity
 
 log = logging.getLogger(__name__)
 
 PROGRESS_EVERY_S = 0.5
+_CUT: dict[model.CutReason, str] = {
+    "max_tokens": "I stopped here: the model's answer got longer than it may be. Ask for a smaller part.",
+    "refusal": "The model refused to go on with this.",
+}
 
 Infer = Callable[[str, list[Message], list[dict[str, Any]]], AsyncIterator[model.Part]]
 
@@ -56,7 +61,7 @@ class Turn:
 
     bench: Workbench
     session: Session
-    asker: str
+    asker: Identity
     prompt: list[dict[str, Any]]
     origin: Listener | None
     id: str = field(default_factory=lambda: uuid.uuid4().hex[:12])
@@ -64,7 +69,8 @@ class Turn:
     _calls: int = 0
     _acted: bool = False
     _claim: Claim | None = None
-    _lost_to: str | None = None
+    _lost: str | None = None
+    """Why the robot was taken away, as the first half of a sentence."""
     _model: str | None = None
     """What runs this turn, where it is not the session's model."""
     _named: str | None = None
@@ -73,7 +79,7 @@ class Turn:
     async def run(self) -> str:
         """Run to the end and return ACP's stop reason. Being cancelled is one of the ends: it returns "cancelled"
         once the robot is at rest."""
-        self.session.turn_id, self.session.turn_by = self.id, self.asker
+        self.session.turn_id, self.session.turn_by = self.id, self.asker.name
         reason = "cancelled"
         try:
             reason = await self._to_the_end()
@@ -89,7 +95,7 @@ class Turn:
 
     async def _to_the_end(self) -> str:
         for block in self.prompt:
-            self.session.record(present.user_message(block, self.asker, self.id), self.origin)
+            self.session.record(present.user_message(block, self.asker.name, self.id), self.origin)
         self._named = self._name_session()
         reason = "end_turn"
         try:
@@ -99,8 +105,8 @@ class Turn:
             self._close_calls("cancelled")
             if self._acted:
                 await self.bench.link.at_rest()
-            if self._lost_to is not None:
-                self.session.record(present.message(f"{self._lost_to} took the robot over, so I stopped here."))
+            if self._lost is not None:
+                self.session.record(present.message(f"{self._lost}, so I stopped here."))
         except (RobotUnavailable, model.ModelError) as error:
             self._close_calls(str(error))
             self.session.record(present.message(str(error)))
@@ -135,7 +141,11 @@ class Turn:
         for _ in range(self.bench.max_steps):
             # The system message is made anew: the mode may have changed in mid-turn.
             system = {"role": "system", "content": self._system(tools)}
-            calls = await self._infer([system, *self.session.history.messages()], schemas, thinking)
+            calls, cut = await self._infer([system, *self.session.history.messages()], schemas, thinking)
+            if cut is not None:
+                # Nothing of an answer that is not whole is done: the rest could have changed its sense.
+                self.session.record(present.message(_CUT[cut]))
+                return cut
             if not calls:
                 return "end_turn"
             for call in calls:
@@ -147,7 +157,7 @@ class Turn:
         """What the agent itself does for `/stop` and `/export`, in words."""
         if command == "stop":
             try:
-                await self.bench.link.stop(self.asker)
+                await self.bench.link.stop(self.asker.name)
             except RobotLinkError as error:
                 return str(error)
             return "I am stopped. A supervisor has to release me."
@@ -176,9 +186,10 @@ class Turn:
 
     async def _infer(
         self, messages: list[Message], schemas: list[dict[str, Any]], thinking: asyncio.Task[None]
-    ) -> list[model.Call]:
+    ) -> tuple[list[model.Call], model.CutReason | None]:
         """One inference; what it says is shown as it comes, but never before the preliminary thought is."""
         calls: list[model.Call] = []
+        cut: model.CutReason | None = None
         said = Chunks(lambda text: self.session.record(present.message(text)))
         thoughts = Chunks(lambda text: self.session.record(present.thought(text)))
         async for part in self.bench.infer(self._model or self.session.row.model, messages, schemas):
@@ -194,9 +205,11 @@ class Turn:
                     calls.append(part)
                 case model.Usage(used, size):
                     self._usage = present.usage(used, size)
+                case model.Cut(reason):
+                    cut = reason
         thoughts.flush()
         said.flush()
-        return calls
+        return calls, cut
 
     async def _run(self, call: model.Call, tools: dict[str, Tool]) -> None:
         if call.name == PLAN_TOOL and self._show_plan(call.arguments):
@@ -239,7 +252,7 @@ class Turn:
             return  # a call that is denied needs no robot
         lease = self.bench.lease
         holder = lease.holder
-        self._claim = Claim(self.session.id, self.asker, self._lose)
+        self._claim = Claim(self.session.id, self.asker.name, self._lose)
         if not lease.ask(self._claim):
             owner = f"{holder.by} has" if holder else "somebody else has"
             self.session.record(present.tool_status(call_id, "pending", f"waiting for the robot, which {owner} now"))
@@ -268,7 +281,7 @@ class Turn:
 
     def _decide(self, tool: Tool) -> Decision:
         row = self.session.row
-        return self.bench.policy.decide(row.mode, tool.traits, row.motion_asks)
+        return self.bench.policy.decide(row.mode, tool.traits, self.asker.role, row.motion_asks)
 
     async def _ask(self, call_id: str, tool: Tool, arguments: dict[str, Any]) -> Verdict:
         remembered = self.session.remembered.get(tool.name)
@@ -278,8 +291,9 @@ class Turn:
         del shown["sessionUpdate"]
         # A question must not overtake the announcement of the call that it is about.
         await self.session.flushed()
-        not_by = self.asker if tool.name in self.bench.four_eyes else None
-        return await self.session.desk.ask(self.session.id, shown, tool.title, self.asker, not_by)
+        asker = self.asker.name
+        not_by = asker if tool.name in self.bench.four_eyes else None
+        return await self.session.desk.ask(self.session.id, shown, tool.title, asker, not_by)
 
     async def _execute(self, call_id: str, tool: Tool, arguments: dict[str, Any], looks: bool) -> None:
         if not looks:
@@ -297,8 +311,8 @@ class Turn:
         result = await self.bench.tools.call(tool.name, arguments, show)
         self._end(call_id, present.tool_result(call_id, result))
 
-    def _lose(self, to: str) -> None:
-        self._lost_to = to
+    def _lose(self, why: str) -> None:
+        self._lost = why
         self.session.cancel()
 
     def _end(self, call_id: str, update: present.Update) -> None:

@@ -44,7 +44,7 @@ def test_taking_over_ends_the_holder_and_puts_the_session_first() -> None:
     for x in (a, b, c):
         lease.ask(x)
     assert lease.take_over("c", "Sue") is a
-    assert lost == ["Sue"]
+    assert lost == ["Sue took the robot over"]
     assert lease.holder is a, "it is held until the robot is at rest"
     lease.release(a)
     assert lease.holder is c
