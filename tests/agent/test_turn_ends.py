@@ -41,6 +41,38 @@ async def test_a_mode_that_changed_while_one_waited_for_the_robot_counts(robot: 
     assert "not allowed in the mode Observe" in waiting.said
 
 
+@pytest.mark.parametrize(("mode", "spoken", "asked"), [("observe", [], 0), ("autonomous", ["Hello."], 0)])
+async def test_a_mode_that_changed_in_mid_drive_counts_from_the_next_tool_call_on(
+    robot: Robot, connect: Opener, mode: str, spoken: list[str], asked: int
+) -> None:
+    client = await connect()
+    await client.new()
+    async with robot.watched() as watched:
+        turn = client.later(client.prompt("go to lab 2.3.9, then go to the kitchen, then say hello"))
+        await watched.until(lambda: watched.speed > 0.3, "the robot to drive")
+        await set_mode(client, mode)
+        assert await turn == "end_turn"
+        assert watched.spoken == spoken
+        assert len(client.questions) == asked
+    drives = [c for c in client.of("tool_call") if c["title"].startswith("Drive to")]
+    ends = [[u for u in client.of("tool_call_update") if u["toolCallId"] == d["toolCallId"]][-1] for d in drives]
+    # The drive that was under way ends where it should; the next one is the new mode's.
+    assert [end["status"] for end in ends] == ["completed", "failed" if mode == "observe" else "completed"]
+
+
+async def test_a_mode_that_changed_while_people_thought_about_it_counts(robot: Robot, connect: Opener) -> None:
+    client = await connect(answer=None)
+    await client.new()
+    async with robot.watched() as watched:
+        turn = client.later(client.prompt("say hello"))
+        await eventually(lambda: client.questions, "the question")
+        await set_mode(client, "observe")
+        await client.decide("allow_once")
+        assert await turn == "end_turn"
+        assert watched.spoken == []
+    assert "the mode was changed meanwhile" in client.said
+
+
 @pytest.mark.parametrize("method", ["session/close", "session/delete"])
 async def test_closing_and_leaving_at_once_frees_the_robot(connect: Opener, method: str) -> None:
     leaving, next_one = await connect(), await connect()
