@@ -39,6 +39,7 @@ class Right(StrEnum):
     CONFIGURE = "configure"  # mode, model and settings of a session
     RELEASE = "release"  # a latched stop
     TAKE_OVER = "take_over"  # the robot, and other people's sessions
+    OFFER_SERVERS = "offer_servers"  # MCP servers of one's own, to a session
 
 
 _RIGHTS: dict[Role, frozenset[Right]] = {

@@ -99,7 +99,14 @@ RIGHTS = {
     Role.VIEWER: set(),
     Role.VISITOR: {Right.PROMPT},
     Role.OPERATOR: {Right.PROMPT, Right.APPROVE, Right.CONFIGURE},
-    Role.SUPERVISOR: {Right.PROMPT, Right.APPROVE, Right.CONFIGURE, Right.RELEASE, Right.TAKE_OVER},
+    Role.SUPERVISOR: {
+        Right.PROMPT,
+        Right.APPROVE,
+        Right.CONFIGURE,
+        Right.RELEASE,
+        Right.TAKE_OVER,
+        Right.OFFER_SERVERS,
+    },
 }
 
 

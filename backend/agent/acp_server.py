@@ -36,11 +36,14 @@ from pydantic import BaseModel, Field
 
 from backend import __version__, identity, wire
 from backend.agent import commands, options
+from backend.agent.abilities import abilities
 from backend.agent.connection import ClientConnection, after_the_answer
 from backend.agent.house import House
+from backend.agent.offers import Offer, OfferRefused
 from backend.agent.robot_link import RobotLinkError
 from backend.agent.session import Session
 from backend.agent.telemetry_feed import TelemetryFeed
+from backend.agent.tool_server import ServerUnavailable
 from backend.agent.turn import Turn
 from backend.identity import Identity, Right, Role
 from backend.tokens import RegistryError
@@ -48,7 +51,14 @@ from backend.tokens import RegistryError
 log = logging.getLogger(__name__)
 
 PROTOCOL_VERSION = 1
-EXTENSIONS = ("_robot/telemetry", "_robot/stop", "_robot/release", "_robot/take_over")
+EXTENSIONS = (
+    "_robot/telemetry",
+    "_robot/stop",
+    "_robot/release",
+    "_robot/take_over",
+    "_robot/abilities",
+    "_robot/leave",
+)
 _AFTER = "robot-acp/after"
 _TURN = "robot-acp/turn"
 
@@ -153,7 +163,7 @@ class AcpServer:
             agent_capabilities=AgentCapabilities(
                 load_session=True,
                 prompt_capabilities=PromptCapabilities(image=True, audio=False, embedded_context=True),
-                mcp_capabilities=McpCapabilities(http=False, sse=False),
+                mcp_capabilities=McpCapabilities(http=bool(self._house.offers), sse=False),
                 session_capabilities=SessionCapabilities.model_validate(
                     {"list": {}, "resume": {}, "fork": {}, "close": {}, "delete": {}}
                 ),
@@ -173,9 +183,10 @@ class AcpServer:
         """Begin a session."""
         del additional_directories, meta
         who = self._authorized(Right.PROMPT)
-        self._refuse_servers(mcp_servers)
+        offers = self._offers(mcp_servers)
         settings = self._house.settings.agent
         session = await self._house.sessions.create(who.name, cwd, settings.default_mode, settings.model)
+        await session.offered.take(offers)
         await self._attach(session)
         return {"sessionId": session.id} | options.state(session, self._house.models)
 
@@ -189,8 +200,7 @@ class AcpServer:
     ) -> dict[str, Any]:
         """Watch a session from its beginning: everything so far, then what comes."""
         del cwd, additional_directories, meta
-        self._refuse_servers(mcp_servers)
-        session = await self._session(session_id)
+        session = await self._reopened(session_id, mcp_servers)
         await self._attach(session, after=0)
         return self._opened(session)
 
@@ -204,11 +214,10 @@ class AcpServer:
     ) -> dict[str, Any]:
         """Watch a session from now on, or from the event after the one that `_meta` names."""
         del cwd, additional_directories
-        self._refuse_servers(mcp_servers)
         after = (meta or {}).get(_AFTER)
         if after is not None and (not isinstance(after, int) or isinstance(after, bool) or after < 0):
             raise RequestError(wire.INVALID_PARAMS, f"{_AFTER} must be the number of an event.")
-        session = await self._session(session_id)
+        session = await self._reopened(session_id, mcp_servers)
         await self._attach(session, after)
         return self._opened(session)
 
@@ -223,8 +232,9 @@ class AcpServer:
         """A session of one's own with the same past."""
         del cwd, additional_directories, meta
         who = self._authorized(Right.PROMPT)
-        self._refuse_servers(mcp_servers)
+        offers = self._offers(mcp_servers)
         fork = await self._house.sessions.fork(await self._session(session_id), who.name)
+        await fork.offered.take(offers)  # those of the original stay there: their headers are somebody's secrets
         await self._attach(fork)
         return {"sessionId": fork.id} | options.state(fork, self._house.models)
 
@@ -323,7 +333,7 @@ class AcpServer:
     # Extensions
 
     async def ext_method(self, name: str, params: dict[str, Any]) -> dict[str, Any]:
-        """`_robot/stop` for everyone, `_robot/release` and `_robot/take_over` for supervisors."""
+        """`_robot/stop`, `leave` and `abilities` for everyone, `_robot/release` and `take_over` for supervisors."""
         try:
             if name == "robot/stop":
                 return await self._house.link.stop(self._known().name)
@@ -334,7 +344,15 @@ class AcpServer:
                     params.get("sessionId"), self._authorized(Right.TAKE_OVER).name
                 )
                 return {"from": loser.by if loser else None}
-        except RobotLinkError as error:
+            if name == "robot/leave":
+                self._known()
+                if session := self._attached.pop(str(params.get("sessionId")), None):
+                    session.detach(self._connection)
+                return {}
+            if name == "robot/abilities":
+                self._known()
+                return await abilities(self._house.bench.tools, self._house.settings.agent.places_tool)
+        except (RobotLinkError, ServerUnavailable) as error:
             raise RequestError(wire.INTERNAL_ERROR, str(error)) from None
         raise RequestError(wire.METHOD_NOT_FOUND, f"There is no method _{name}.")
 
@@ -371,12 +389,20 @@ class AcpServer:
             raise RequestError(wire.NOT_ALLOWED, f"This session is {session.row.owner}'s. Begin one of your own.")
         return session
 
-    def _refuse_servers(self, servers: list[Any] | None) -> None:
-        if servers:
-            raise RequestError(
-                wire.INVALID_PARAMS,
-                "This robot takes no MCP servers from clients. Send an empty mcpServers list.",
-            )
+    def _offers(self, servers: list[Any] | None) -> tuple[Offer, ...]:
+        who = self._known()
+        try:
+            return self._house.offers.read(servers or [], role=who.role, may_offer=who.may(Right.OFFER_SERVERS))
+        except OfferRefused as refused:
+            raise RequestError(refused.code, str(refused)) from None
+
+    async def _reopened(self, session_id: str, servers: list[Any] | None) -> Session:
+        """The session, with the servers of the client in place of those that it had; no servers leave it as it is."""
+        offers = self._offers(servers)
+        session = await self._session(session_id)
+        if offers:
+            await session.offered.take(offers)
+        return session
 
     async def _attach(self, session: Session, after: int | None = None) -> None:
         self._attached[session.id] = session

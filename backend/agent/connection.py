@@ -1,8 +1,9 @@
 """One client connection of the agent: checked frames in, one ordered outbox out.
 
 Everything that goes to the client, answers, questions and the events of its sessions, passes the one outbox, so
-their order on the wire is the order in which they were made. A client that does not read is cut off; it never
-makes anybody wait. No text of an exception leaves through here.
+their order on the wire is the order in which they were made. What is only ever of use while it is new has a place
+beside it, for one. A client that does not read is cut off; it never makes anybody wait. No text of an exception
+leaves through here.
 """
 
 from __future__ import annotations
@@ -27,8 +28,6 @@ from backend.identity import Identity, Right
 
 log = logging.getLogger(__name__)
 
-MAX_OUTBOX_BYTES = 64 * 1024 * 1024
-"""What waits for a client that does not read; beyond it the client is cut off."""
 ROOM_BYTES = 1024 * 1024
 DISMISS_S = 1.0
 """How long somebody who has to leave may take to read what waits."""
@@ -50,7 +49,9 @@ class ClientConnection:
     `identity` is set by `initialize` or `authenticate`; it is None before.
     """
 
-    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, local: bool) -> None:
+    def __init__(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, local: bool, max_outbox_bytes: int
+    ) -> None:
         self.id = uuid.uuid4().hex[:8]
         self.local = local
         self.identity: Identity | None = None
@@ -58,10 +59,14 @@ class ClientConnection:
         self.client_capabilities: dict[str, Any] = {}
         self._reader = reader
         self._writer = writer
+        self._max_outbox_bytes = max_outbox_bytes
         self._outbox: deque[bytes] = deque()
         self._outbox_bytes = 0
         self._filled = asyncio.Event()
+        self._latest = b""
+        """A frame that only counts until the next one; it waits here, outside of the outbox."""
         self._drained = asyncio.Event()
+        """Set while nothing waits in the outbox."""
         self._drained.set()
         self._closed = False
         self._dispatched: deque[wire.Frame] = deque()
@@ -228,7 +233,16 @@ class ClientConnection:
         self._outbox_bytes += len(frame)
         self._drained.clear()
         self._filled.set()
-        if self._outbox_bytes > MAX_OUTBOX_BYTES:
+        self.behind(0)
+
+    def show_latest(self, frame: bytes) -> None:
+        """Send a line soon, unless a newer one comes first: for what is of no use once it is old."""
+        self._latest = frame
+        self._filled.set()
+
+    def behind(self, held_bytes: int) -> None:
+        """Cut the client off when what waits here, and `held_bytes` that are held elsewhere for it, is too much."""
+        if self._outbox_bytes + held_bytes > self._max_outbox_bytes and not self._closed:
             log.warning("connection %s of %s does not read; it is cut off", self.id, self.name)
             self._closed = True
             self._writer.transport.abort()
@@ -265,15 +279,17 @@ class ClientConnection:
         while True:
             await self._filled.wait()
             self._filled.clear()
-            lines = b"".join(self._outbox)
+            lines, latest = b"".join(self._outbox), self._latest
             self._outbox.clear()
-            self._writer.write(lines)
+            self._latest = b""
+            self._writer.write(lines + latest)
             try:
                 await self._writer.drain()
             except OSError:
                 self._closed = True
             self._outbox_bytes -= len(lines)
-            self._drained.set()
+            if not self._outbox or self._closed:
+                self._drained.set()
 
 
 class _Guarded:

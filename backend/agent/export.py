@@ -11,8 +11,9 @@ from datetime import datetime
 import orjson
 from acp.exceptions import RequestError
 
+from backend.agent.database import StoreError
 from backend.agent.session import Listener, Session
-from backend.agent.store import Event, Store, StoreError
+from backend.agent.store import Event, Store
 from backend.config import ConfigError
 
 
@@ -66,7 +67,7 @@ async def print_session(database_url: str, session_id: str) -> int:
 
 @asynccontextmanager
 async def _opened(database_url: str) -> AsyncIterator[Store]:
-    store = Store(database_url)
+    store = Store(database_url, writes=False)
     try:
         await store.open()
     except StoreError as error:

@@ -14,6 +14,8 @@ PHOTO_NOTE = "The picture that was just taken:"
 """Begins the message that shows a photo to a model that can see; it is not a person's."""
 MAX_CHARS = 60_000
 """What the model gets of the past, at most; whole turns are left out, the oldest first."""
+RESULT_CHARS = 1_000
+"""What is left of a tool's result where the last turn alone is longer than that."""
 
 Message = dict[str, Any]
 
@@ -56,7 +58,8 @@ class History:
                 self._tool_result(update)
 
     def messages(self, max_chars: int = MAX_CHARS) -> list[Message]:
-        """The newest whole turns that fit into `max_chars`, and always the last one."""
+        """The newest whole turns that fit into `max_chars`, and always the last one, its results cut where it alone is
+        too long."""
         kept: list[list[Message]] = []
         size = 0
         for turn in reversed(self._turns):
@@ -64,7 +67,7 @@ class History:
             if kept and size > max_chars:
                 break
             kept.append(turn)
-        return [message for turn in reversed(kept) for message in turn]
+        return _fitted([message for turn in reversed(kept) for message in turn], max_chars)
 
     def _user(self, block: dict[str, Any], turn_id: str | None) -> None:
         part = _as_part(block)
@@ -132,6 +135,20 @@ class History:
         if not self._turns:
             self._turns.append([])
         return self._turns[-1]
+
+
+def _fitted(messages: list[Message], max_chars: int) -> list[Message]:
+    """The same messages, with as many results of tools cut to their beginning as must be, the oldest first: neither a
+    turn of many steps nor a talkative server may outgrow the model."""
+    excess = sum(map(_size, messages)) - max_chars
+    fitted: list[Message] = []
+    for message in messages:
+        content = message["content"]
+        if excess > 0 and message["role"] == "tool" and len(content) > RESULT_CHARS:
+            excess -= len(content) - RESULT_CHARS
+            message = message | {"content": content[:RESULT_CHARS] + " … (the rest is left out)"}
+        fitted.append(message)
+    return fitted
 
 
 def _size(message: Message) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from backend.agent.journal import Journal
+from backend.agent.offers import AllowList
 from backend.agent.robot_link import RobotLink
 from backend.agent.sessions import Sessions
 from backend.agent.turn import Workbench
@@ -14,7 +15,8 @@ from backend.tokens import Registry
 
 @dataclass(frozen=True)
 class House:
-    """One agent. `models` are the names that people may choose, the default first."""
+    """One agent. `models` are the names that people may choose, the default first; `offers`
+    judges the MCP servers that clients bring."""
 
     settings: Settings
     tokens: Registry
@@ -23,3 +25,4 @@ class House:
     link: RobotLink
     bench: Workbench
     models: tuple[str, ...]
+    offers: AllowList

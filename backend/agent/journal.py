@@ -1,7 +1,8 @@
 """Keeps the events of all sessions, and only then shows them: durable before visible.
 
 `append` never waits: whoever has something to tell goes on at once, and events that come while a write is under way
-share the next one. So `kill -9` loses no event that any client has seen.
+share the next one. So `kill -9` loses no event that any client has seen. While the database cannot be written, what
+happens is shown at once and kept when it can be: people must go on seeing a robot that moves.
 """
 
 from __future__ import annotations
@@ -11,14 +12,17 @@ import logging
 from collections import deque
 from collections.abc import Callable
 
-from backend.agent.store import Event, Store
+from backend.agent.database import StoreError
+from backend.agent.store import Changes, Event, Store
 
 log = logging.getLogger(__name__)
 
 RETRY_S = 1.0
+PATIENCE_S = 2.0
+"""A write that takes longer has failed, for those who watch. It may still succeed: an event that is kept twice is kept
+once."""
 
 Publish = Callable[[Event], None]
-Changes = dict[str, dict[str, object]]
 
 
 class Journal:
@@ -26,10 +30,9 @@ class Journal:
 
     def __init__(self, store: Store) -> None:
         self._store = store
-        self._waiting: list[tuple[Event, Publish]] = []
-        self._changes: Changes = {}
         self._unkept: list[Event] = []
-        """Events that were shown although the last write failed; the next write begins with them."""
+        self._unshown: deque[tuple[Event, Publish]] = deque()
+        self._changes: Changes = {}
         self._wake = asyncio.Event()
         self._asked = 0
         self._done = 0
@@ -39,7 +42,10 @@ class Journal:
 
     def append(self, event: Event, publish: Publish) -> None:
         """Keep an event soon, then hand it to `publish`, in the order of the calls."""
-        self._waiting.append((event, publish))
+        self._unkept.append(event)
+        self._unshown.append((event, publish))
+        if self.failure:
+            self._show(len(self._unshown))
         self._more()
 
     def change(self, session_id: str, fields: dict[str, object]) -> None:
@@ -52,7 +58,7 @@ class Journal:
         self._wake.set()
 
     async def flush(self) -> None:
-        """Return when all that was appended before this call has been kept and shown."""
+        """Return when all that was appended before this call has been shown, and kept or once tried to be."""
         if self._done < self._asked:
             flushed: asyncio.Future[None] = asyncio.get_running_loop().create_future()
             self._flushes.append((self._asked, flushed))
@@ -68,30 +74,39 @@ class Journal:
                 pass  # time to try again what could not be written
             self._wake.clear()
             asked = self._asked
-            batch, self._waiting = self._waiting, []
-            changes, self._changes = self._changes, {}
-            await self._keep([event for event, _ in batch], changes)
-            for event, publish in batch:
-                publish(event)
+            await self._keep()
             self._done = asked
             while self._flushes and self._flushes[0][0] <= asked:
                 flushed = self._flushes.popleft()[1]
                 if not flushed.done():
                     flushed.set_result(None)
 
-    async def _keep(self, events: list[Event], changes: Changes) -> None:
-        unkept, self._unkept = self._unkept + events, []
+    async def _keep(self) -> None:
+        """Write all that waits, then show it; where it cannot be written, show it all the same."""
+        events, self._unkept = self._unkept, []
+        changes, self._changes = self._changes, {}
+        unshown = len(self._unshown)
         try:
-            for session_id in list(changes):
-                await self._store.change_session(session_id, **changes[session_id])
-                del changes[session_id]
-            if unkept:
-                await self._store.append(unkept)
+            async with asyncio.timeout(PATIENCE_S):
+                await self._store.append(events, changes)
+        except Exception as error:  # of the database, its driver, the disk
+            log.error("could not write %d events: %s", len(events), str(error) or type(error).__name__)
+            reason = str(error) if isinstance(error, StoreError) else "Look at the agent's log."
+            self.failure = f"The session log cannot be written ({type(error).__name__}). {reason}"
+            self._unkept = events + self._unkept
+            self._changes = _merged(changes, self._changes)
+            unshown = len(self._unshown)  # with what came meanwhile
+        else:
             if self.failure:
                 log.warning("the session log can be written again")
             self.failure = None
-        except Exception as error:  # of the database, its driver, the disk: people must go on seeing the robot
-            log.error("could not write %d events: %s", len(unkept), error)
-            self.failure = f"The session log cannot be written ({type(error).__name__}). Look at the agent's log."
-            self._unkept = unkept
-            self._changes = changes | self._changes
+        self._show(unshown)
+
+    def _show(self, number: int) -> None:
+        for _ in range(number):
+            event, publish = self._unshown.popleft()
+            publish(event)
+
+
+def _merged(older: Changes, newer: Changes) -> Changes:
+    return {session_id: older.get(session_id, {}) | newer.get(session_id, {}) for session_id in older | newer}

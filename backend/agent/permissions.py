@@ -92,12 +92,25 @@ class Question:
     asked: dict[Approver, asyncio.Task[None]] = field(default_factory=dict)
 
 
-class PermissionDesk:
-    """The pending questions of one session."""
+def nobody_may_come(not_by: str | None) -> bool:
+    """For a desk that stands alone: who is not attached does not come."""
+    del not_by
+    return False
 
-    def __init__(self, timeout_s: float, spawn: Callable[[Any], asyncio.Task[None]]) -> None:
-        self._timeout_s = timeout_s
+
+class PermissionDesk:
+    """The pending questions of one session. `may_come` says whether somebody other than the one named who may approve
+    is connected without being attached: telemetry tells them whose turn controls the robot."""
+
+    def __init__(
+        self,
+        timeout_s: float,
+        spawn: Callable[[Any], asyncio.Task[None]],
+        may_come: Callable[[str | None], bool] = nobody_may_come,
+    ) -> None:
+        self.timeout_s = timeout_s
         self._spawn = spawn
+        self._may_come = may_come
         self._pending: list[Question] = []
         self._approvers: list[Approver] = []
 
@@ -109,16 +122,20 @@ class PermissionDesk:
         for question in self._pending:
             self._put(question, approver)
 
-    def detach(self, approver: Approver) -> None:
-        """Someone has gone; a question that nobody sees any more is refused."""
+    def detach(self, approver: Approver, *, returns: bool = False) -> None:
+        """Someone has gone; a question that nobody sees any more is refused, unless the one who saw it `returns`."""
         if approver not in self._approvers:
             return
         self._approvers.remove(approver)
         for question in list(self._pending):
             if task := question.asked.pop(approver, None):
                 task.cancel()
-            if not question.asked and not question.verdict.done():
+            if not question.asked and not returns and not question.verdict.done():
                 question.verdict.set_result(Verdict(False, "nobody"))
+
+    def attended(self, not_by: str | None = None) -> bool:
+        """Whether a question has a chance: somebody other than `not_by` who may approve is attached, or may come."""
+        return any(approver.name != not_by for approver in self._approvers) or self._may_come(not_by)
 
     async def ask(
         self, session_id: str, tool_call: dict[str, Any], subject: str, asker: str, not_by: str | None = None
@@ -127,16 +144,16 @@ class PermissionDesk:
 
         Cancelling the call withdraws the question everywhere.
         """
-        if not any(approver.name != not_by for approver in self._approvers):
+        if not self.attended(not_by):
             return Verdict(False, "nobody")
-        expires = datetime.now(UTC) + timedelta(seconds=self._timeout_s)
+        expires = datetime.now(UTC) + timedelta(seconds=self.timeout_s)
         params = {
             "sessionId": session_id,
             "toolCall": tool_call,
             "options": options(subject),
             "_meta": {
                 "robot-acp/expires": expires.isoformat(),
-                "robot-acp/timeout_s": self._timeout_s,
+                "robot-acp/timeout_s": self.timeout_s,
                 "robot-acp/asker": asker,
             },
         }
@@ -145,7 +162,7 @@ class PermissionDesk:
         for approver in self._approvers:
             self._put(question, approver)
         try:
-            async with asyncio.timeout(self._timeout_s):
+            async with asyncio.timeout(self.timeout_s):
                 return await question.verdict
         except TimeoutError:
             return Verdict(False, "timeout")

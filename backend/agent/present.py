@@ -9,7 +9,7 @@ import json
 from typing import Any, Literal
 
 from backend.agent.permissions import Verdict
-from backend.agent.robot_tools import Progress, Tool, ToolResult
+from backend.agent.tool_server import Progress, Tool, ToolResult
 
 Update = dict[str, Any]
 ToolStatus = Literal["pending", "in_progress", "completed", "failed"]
@@ -48,11 +48,18 @@ def tool_call(call_id: str, tool: Tool, arguments: dict[str, Any], status: ToolS
         "sessionUpdate": "tool_call",
         "toolCallId": call_id,
         "title": tool.title_for(arguments),
-        "kind": "read" if tool.read_only else "execute",
+        "kind": _kind(tool),
         "status": status,
         "rawInput": arguments,
         "_meta": {"robot-acp/tool": tool.name},
     }
+
+
+def _kind(tool: Tool) -> str:
+    """ACP's word for what a tool does; people may show a picture for it. Only the robot itself executes."""
+    if tool.server is None:
+        return "read" if tool.read_only else "execute"
+    return "fetch" if tool.read_only else "other"
 
 
 def tool_status(call_id: str, status: ToolStatus, text: str | None = None, verdict: Verdict | None = None) -> Update:
@@ -64,6 +71,11 @@ def tool_status(call_id: str, status: ToolStatus, text: str | None = None, verdi
         decision = {"by": verdict.by, "option": verdict.option, "reason": verdict.reason}
         update["_meta"] = {"robot-acp/decision": decision}
     return update
+
+
+def tool_waits(call_id: str, text: str, waits: dict[str, Any]) -> Update:
+    """A call that cannot begin yet: why, in words for people, and in `_meta` what it waits for."""
+    return tool_status(call_id, "pending", text) | {"_meta": {"robot-acp/waiting": waits}}
 
 
 def tool_progress(call_id: str, progress: Progress) -> Update:

@@ -16,14 +16,16 @@ from backend.agent import model
 from backend.agent.acp_server import AcpServer
 from backend.agent.attendance import Attendance
 from backend.agent.connection import ClientConnection
+from backend.agent.database import StoreError
 from backend.agent.house import House
 from backend.agent.journal import Journal
 from backend.agent.lease import Lease
+from backend.agent.offers import AllowList
 from backend.agent.policy import MODE_IDS, Policy
 from backend.agent.robot_link import RobotLink
-from backend.agent.robot_tools import RobotTools
 from backend.agent.sessions import Sessions
-from backend.agent.store import Store, StoreError
+from backend.agent.store import Store
+from backend.agent.tool_server import ToolServer
 from backend.agent.turn import Workbench
 from backend.config import ConfigError, Settings
 from backend.tokens import Registry
@@ -31,6 +33,7 @@ from backend.tokens import Registry
 log = logging.getLogger(__name__)
 
 _STREAM_LIMIT = wire.MAX_FRAME_BYTES + 1
+_ROBOT_ABSENT = "The robot server does not answer. Start it with `robot-acp robot`, then try again."
 
 
 async def serve(settings: Settings, *, stdio: bool = False) -> None:
@@ -79,7 +82,7 @@ async def _serve_stdio(house: House) -> None:
 async def _serve_client(
     house: House, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, *, local: bool
 ) -> None:
-    connection = ClientConnection(reader, writer, local)
+    connection = ClientConnection(reader, writer, local, house.settings.agent.max_outbox_bytes)
     server = AcpServer(house, connection)
     serving = asyncio.create_task(connection.serve(server.router()), name=f"client {connection.id}")
     watching = asyncio.create_task(_dismiss_when_login_ends(house.tokens, connection))
@@ -108,12 +111,14 @@ async def _house(settings: Settings) -> AsyncIterator[House]:
         raise ConfigError(f"agent.default_mode: there is no mode {agent.default_mode!r}.")
     try:
         policy = Policy(agent.policy, agent.visitors)
+        offers = AllowList(agent.mcp_allow)
     except ValueError as error:
         raise ConfigError(str(error)) from None
     # Our robot server has a secret, a telemetry stream and a stop path. Another MCP server gets none of our secrets.
     ours = agent.robot_url is None
     bearer = identity.shared_secret(settings.data_dir, identity.ROBOT_TOKEN).decode() if ours else None
-    tools = RobotTools(settings.robot_mcp_url, bearer)
+    headers = {"Authorization": f"Bearer {bearer}"} if bearer else None
+    tools = ToolServer(settings.robot_mcp_url, headers, absent=_ROBOT_ABSENT)
     link = RobotLink(settings.robot_mcp_url if ours else None, bearer)
     tokens = Registry(settings.data_dir)
     store = Store(settings.database_url)
@@ -143,6 +148,7 @@ async def _house(settings: Settings) -> AsyncIterator[House]:
             four_eyes=frozenset(agent.four_eyes),
         ),
         models=tuple(dict.fromkeys([agent.model, *agent.models, model.OFFLINE_MODEL])),
+        offers=offers,
     )
     background = [
         asyncio.create_task(tokens.run(), name="tokens"),
@@ -163,7 +169,7 @@ async def _house(settings: Settings) -> AsyncIterator[House]:
         await store.close()
 
 
-async def _warm_up(tools: RobotTools) -> None:
+async def _warm_up(tools: ToolServer) -> None:
     """Load the model library and connect to the robot before anybody asks."""
     with contextlib.suppress(Exception):
         await tools.tools()  # a robot that is not there yet is no error: the first prompt connects again

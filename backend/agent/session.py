@@ -7,7 +7,6 @@ order. A turn belongs to the session and outlives the connection that asked for 
 from __future__ import annotations
 
 import asyncio
-import json
 import time
 from collections.abc import AsyncIterator, Callable, Coroutine
 from dataclasses import replace
@@ -17,8 +16,9 @@ import orjson
 
 from backend.agent.history import History
 from backend.agent.journal import Journal
-from backend.agent.permissions import Approver, PermissionDesk
-from backend.agent.store import Event, SessionRow
+from backend.agent.offered_servers import OfferedServers
+from backend.agent.permissions import Approver, PermissionDesk, nobody_may_come
+from backend.agent.store import Event, SessionRow, as_json
 
 Spawn = Callable[[Coroutine[Any, Any, None]], "asyncio.Task[None]"]
 Update = dict[str, Any]
@@ -38,8 +38,23 @@ class Listener(Approver, Protocol):
     def deliver(self, frame: bytes) -> None:
         """Send a frame soon; never waits, never raises."""
 
+    def behind(self, held_bytes: int) -> None:
+        """So much is held back for the connection until its replay is over; too much, and it is cut off."""
+
     async def room(self) -> None:
         """Return when the connection can take more, so that a long replay does not pile up."""
+
+
+class _Held:
+    """The events that happen during a replay and follow it."""
+
+    def __init__(self) -> None:
+        self.frames: list[bytes] = []
+        self.bytes = 0
+
+    def add(self, frame: bytes) -> None:
+        self.frames.append(frame)
+        self.bytes += len(frame)
 
 
 class Session:
@@ -53,11 +68,13 @@ class Session:
         seq: int,
         permission_timeout_s: float,
         spawn: Spawn,
+        may_come: Callable[[str | None], bool] = nobody_may_come,
     ) -> None:
         self.row = row
         self.history = history
         self.seq = seq
-        self.desk = PermissionDesk(permission_timeout_s, spawn)
+        self.desk = PermissionDesk(permission_timeout_s, spawn, may_come)
+        self.offered = OfferedServers()
         self.turn_id: str | None = None
         """The running turn; None between turns."""
         self.turn_by: str | None = None
@@ -65,7 +82,7 @@ class Session:
         self._journal = journal
         self._shown = seq
         self._listeners: set[Listener] = set()
-        self._catching_up: dict[Listener, list[Event]] = {}
+        self._catching_up: dict[Listener, _Held] = {}
         self.touched = time.monotonic()
         """When somebody last opened it."""
         self.ended = False
@@ -95,7 +112,7 @@ class Session:
 
     def record(self, update: Update, origin: Listener | None = None) -> None:
         """Number an update, remember it, keep it, and then show it to everyone attached but `origin`."""
-        raw = _serialised(update)
+        raw = as_json(update)
         self.seq += 1
         self.history.apply(orjson.loads(raw))
         self._journal.append(Event(self.id, self.seq, time.time(), raw, origin), self._show)
@@ -112,39 +129,49 @@ class Session:
     def _show(self, event: Event) -> None:
         self._shown = event.seq
         for listener in self._listeners:
-            if listener in self._catching_up:
-                self._catching_up[listener].append(event)
+            if held := self._catching_up.get(listener):
+                held.add(event.frame)
+                listener.behind(held.bytes)
             elif listener is not event.origin:
                 listener.deliver(event.frame)
 
     async def attach(self, listener: Listener, replay: Callable[[int], AsyncIterator[Event]] | None = None) -> None:
         """Let a connection watch from now on. With `replay`, first send it the events up to this moment that
         `replay(upto)` yields; what happens meanwhile follows without a gap, a double or a change of order."""
-        self.detach(listener)
+        self._drop(listener)
+        self.desk.detach(listener, returns=listener.may_approve)
         self._listeners.add(listener)
         if replay is not None:
-            self._catching_up[listener] = []
+            held = self._catching_up[listener] = _Held()
             try:
                 async for event in replay(self._shown):
+                    if listener not in self._listeners:
+                        return  # logged out meanwhile
                     listener.deliver(event.frame)
                     await listener.room()
-            finally:
-                for event in self._catching_up.pop(listener, ()):
-                    listener.deliver(event.frame)
+            except BaseException:
+                self.detach(listener)  # what follows half a replay would follow a gap
+                raise
+            self._catching_up.pop(listener, None)
+            for frame in held.frames:
+                listener.deliver(frame)
         if listener in self._listeners:
             self.judge(listener)
 
     def judge(self, listener: Listener) -> None:
         """Let a connection be asked, or no longer, after what it may do has changed."""
-        self.desk.detach(listener)
+        self.desk.detach(listener, returns=listener.may_approve)
         if listener.may_approve:
             self.desk.attach(listener)
 
     def detach(self, listener: Listener) -> None:
         """Stop showing events to a connection; its open questions are withdrawn."""
+        self._drop(listener)
+        self.desk.detach(listener)
+
+    def _drop(self, listener: Listener) -> None:
         self._listeners.discard(listener)
         self._catching_up.pop(listener, None)
-        self.desk.detach(listener)
 
     async def run_turn(self, turn: Callable[[], Coroutine[Any, Any, str]]) -> str:
         """Run a turn when those before it are over, and return its stop reason.
@@ -177,17 +204,9 @@ class Session:
                 task.cancel()
 
     async def close(self) -> None:
-        """Cancel, and wait until nothing of this session runs. Being cancelled meanwhile reaches no turn."""
+        """Cancel, wait until nothing of this session runs, and disconnect the servers that were brought into it.
+        Being cancelled meanwhile reaches no turn."""
         self.cancel()
         while self._turns:
             await asyncio.wait(self._turns)
-
-
-def _serialised(update: Update) -> bytes:
-    """An update as JSON. What a model or a server made up that is none (half a character, a number that no program
-    reads) becomes what comes nearest, instead of ending the turn."""
-    try:
-        return orjson.dumps(update)
-    except TypeError:
-        text = json.dumps(update, ensure_ascii=False, default=str)
-        return orjson.dumps(orjson.loads(text.encode("utf-8", "replace")))
+        await self.offered.close()

@@ -12,17 +12,17 @@ from dataclasses import replace
 from typing import Any
 
 from backend.agent import present
+from backend.agent.abilities import look
 from backend.agent.history import History
 from backend.agent.journal import Journal
-from backend.agent.robot_tools import RobotTools, RobotUnavailable
 from backend.agent.session import Session
 from backend.agent.store import Event, SessionRow, Store
+from backend.agent.tool_server import ToolServer
 from backend.identity import Identity, Right
 
 log = logging.getLogger(__name__)
 
 PAGE = 50
-POSE_TIMEOUT_S = 2.0
 IDLE_S = 600.0
 
 
@@ -30,7 +30,7 @@ class Sessions:
     """The sessions of one agent, by id. A session comes into memory when somebody opens it."""
 
     def __init__(
-        self, store: Store, journal: Journal, tools: RobotTools, pose_tool: str, permission_timeout_s: float
+        self, store: Store, journal: Journal, tools: ToolServer, pose_tool: str, permission_timeout_s: float
     ) -> None:
         self._store = store
         self._journal = journal
@@ -80,8 +80,10 @@ class Sessions:
 
     async def get(self, session_id: str, identity: Identity) -> Session | None:
         """The session, if there is one that this person may see."""
-        async with self._opening:
-            session = self._open.get(session_id) or await self._load(session_id)
+        session = self._open.get(session_id)
+        if session is None:  # a session in memory waits for no database: it may have to be cancelled
+            async with self._opening:
+                session = self._open.get(session_id) or await self._load(session_id)
         if session is None or session.ended or not self._visible(session.row, identity):
             return None
         session.touched = time.monotonic()
@@ -93,6 +95,7 @@ class Sessions:
         for session in self.open_sessions:
             if not session.busy and not session.watching and session.touched < long_ago:
                 del self._open[session.id]
+                self._spawn(session.offered.close())
 
     async def page(self, identity: Identity, before: tuple[float, str] | None) -> list[SessionRow]:
         """Sessions that this person may see, newest first, at most `PAGE`."""
@@ -115,14 +118,7 @@ class Sessions:
 
     async def robot_pose(self) -> dict[str, Any] | None:
         """What the pose tool says now; None when the robot is not there or has no such tool."""
-        try:
-            async with asyncio.timeout(POSE_TIMEOUT_S):
-                if self._pose_tool not in await self._tools.tools():
-                    return None
-                result = await self._tools.call(self._pose_tool, {})
-        except (RobotUnavailable, TimeoutError):
-            return None
-        return result.structured if not result.failed and isinstance(result.structured, dict) else None
+        return await look(self._tools, self._pose_tool)
 
     async def close(self) -> None:
         """Cancel every turn and wait until the robot is at rest."""
@@ -156,7 +152,14 @@ class Sessions:
 
     def _in_memory(self, row: SessionRow, history: History, seq: int) -> Session:
         self._forget_idle()
-        return Session(row, self._journal, history, seq, self._permission_timeout_s, self._spawn)
+        return Session(
+            row, self._journal, history, seq, self._permission_timeout_s, self._spawn, self._somebody_may_come
+        )
+
+    def _somebody_may_come(self, not_by: str | None) -> bool:
+        """Whether somebody other than `not_by` who may approve watches any session, and so can come to another."""
+        watching = (listener for session in self.open_sessions for listener in session.watching)
+        return any(listener.may_approve and listener.name != not_by for listener in watching)
 
     def _spawn(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
         task = asyncio.create_task(work)

@@ -2,41 +2,57 @@
 
 An event is one ACP `session/update`, kept as it was sent. Events are never changed; only `delete` removes
 them, with their session. All calls run on one thread of the store's own, so that neither SQLite nor a slow
-PostgreSQL ever blocks the event loop.
+PostgreSQL ever blocks the event loop. One agent writes and events are only added, so the databases' default
+isolation is enough: a reader that asks page by page sees each event once.
 """
 
 from __future__ import annotations
 
 import asyncio
+import json
 import logging
 from collections.abc import AsyncIterator, Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any, TypeVar
 
 import orjson
 import sqlalchemy as sa
 
+from backend.agent.database import StoreError, engine_for, why
+
 log = logging.getLogger(__name__)
 
 _metadata = sa.MetaData()
+
+
+class _Text(sa.TypeDecorator[str]):
+    """Text as every database takes it: without NUL, which PostgreSQL refuses, and without half characters, which are
+    no UTF-8. So no name and no title can keep the log from being written."""
+
+    impl = sa.Text
+    cache_ok = True
+
+    def process_bind_param(self, value: str | None, dialect: sa.Dialect) -> str | None:
+        del dialect
+        return None if value is None else _clean(value)
+
 
 _sessions = sa.Table(
     "sessions",
     _metadata,
     sa.Column("id", sa.String(64), primary_key=True),
-    sa.Column("owner", sa.String(200), nullable=False),
-    sa.Column("title", sa.String(200)),
-    sa.Column("cwd", sa.Text, nullable=False),
-    sa.Column("mode", sa.String(40), nullable=False),
-    sa.Column("model", sa.String(200), nullable=False),
-    sa.Column("start_pose", sa.JSON),
+    sa.Column("owner", _Text, nullable=False),
+    sa.Column("title", _Text),
+    sa.Column("cwd", _Text, nullable=False),
+    sa.Column("mode", _Text, nullable=False),
+    sa.Column("model", _Text, nullable=False),
+    sa.Column("start_pose", sa.JSON(none_as_null=True)),
     sa.Column("thought", sa.Boolean, nullable=False),
     sa.Column("motion_asks", sa.Boolean, nullable=False),
-    sa.Column("created", sa.Float, nullable=False),
-    sa.Column("updated", sa.Float, nullable=False, index=True),
+    sa.Column("created", sa.Double, nullable=False),
+    sa.Column("updated", sa.Double, nullable=False, index=True),
 )
 
 _events = sa.Table(
@@ -44,11 +60,13 @@ _events = sa.Table(
     _metadata,
     sa.Column("session_id", sa.String(64), sa.ForeignKey("sessions.id"), primary_key=True),
     sa.Column("seq", sa.Integer, primary_key=True, autoincrement=False),
-    sa.Column("time", sa.Float, nullable=False),
+    sa.Column("time", sa.Double, nullable=False),
     sa.Column("update", sa.LargeBinary, nullable=False),
 )
 
 _T = TypeVar("_T")
+Changes = dict[str, dict[str, object]]
+"""Session id -> column -> value."""
 _PAGE = 200
 
 
@@ -94,15 +112,16 @@ class Event:
         return head + b',"update":' + self.raw + b',"_meta":{"robot-acp/seq":%d}}}\n' % self.seq
 
 
-class StoreError(Exception):
-    """The database cannot be used; the text says why, and never holds its URL, which can hold a password."""
-
-
 class Store:
-    """The sessions and events behind a SQLAlchemy URL. Open it before use, close it after."""
+    """The sessions and events behind a SQLAlchemy URL. Open it before use, close it after.
 
-    def __init__(self, url: str) -> None:
+    An agent's store is the only one that writes to its database. With `writes=False` it opens beside the agent's,
+    to read.
+    """
+
+    def __init__(self, url: str, *, writes: bool = True) -> None:
         self._url = url
+        self._writes = writes
         self._engine: sa.Engine | None = None
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="store")
 
@@ -110,9 +129,10 @@ class Store:
         """Connect and make what is missing. Raises `StoreError`."""
         try:
             await self._run(self._open)
-        except (sa.exc.SQLAlchemyError, ModuleNotFoundError, OSError) as error:
+        except (sa.exc.SQLAlchemyError, StoreError, ImportError, OSError, ValueError) as error:
             log.debug("opening the database", exc_info=True)
-            raise StoreError(f"The database of sessions cannot be used ({type(error).__name__}).") from error
+            await self.close()
+            raise StoreError(why(error)) from error
 
     async def close(self) -> None:
         """Let the last write finish, then disconnect."""
@@ -130,6 +150,8 @@ class Store:
 
     async def session(self, session_id: str) -> SessionRow | None:
         """One session, or None."""
+        if _clean(session_id) != session_id:
+            return None  # clients make up ids; ours are plain
         rows = await self._read(sa.select(_sessions).where(_sessions.c.id == session_id))
         return SessionRow(**rows[0]._mapping) if rows else None
 
@@ -141,7 +163,8 @@ class Store:
         if owner is not None:
             query = query.where(_sessions.c.owner == owner)
         if before is not None:
-            query = query.where(sa.tuple_(_sessions.c.updated, _sessions.c.id) < sa.tuple_(*before))
+            updated, session_id = before
+            query = query.where(sa.tuple_(_sessions.c.updated, _sessions.c.id) < sa.tuple_(updated, _clean(session_id)))
         query = query.order_by(_sessions.c.updated.desc(), _sessions.c.id.desc()).limit(limit)
         return [SessionRow(**row._mapping) for row in await self._read(query)]
 
@@ -152,11 +175,13 @@ class Store:
             sa.delete(_sessions).where(_sessions.c.id == session_id),
         )
 
-    async def append(self, events: Sequence[Event]) -> None:
-        """Keep events, of one or several sessions, in one transaction."""
-        rows = [{"session_id": e.session_id, "seq": e.seq, "time": e.time, "update": e.raw} for e in events]
-        latest = {e.session_id: e.time for e in events}
-        await self._run(lambda: self._append(rows, latest))
+    async def append(self, events: Sequence[Event], changes: Changes | None = None) -> None:
+        """Keep events, and changed columns by session id, in one transaction.
+
+        It may be called again with the same events, as after a commit whose answer was lost: each is kept once. Those
+        of a session that was deleted meanwhile are dropped. Raises `StoreError` where others have their numbers.
+        """
+        await self._run(lambda: self._append(events, changes or {}))
 
     async def events(self, session_id: str, after: int = 0, upto: int | None = None) -> AsyncIterator[Event]:
         """The events with `after < seq <= upto`, in order; read page by page, so that nobody else's wait is long."""
@@ -169,15 +194,7 @@ class Store:
             after = rows[-1].seq
 
     def _open(self) -> None:
-        url = sa.make_url(self._url)
-        if url.get_backend_name() == "sqlite" and url.database:
-            Path(url.database).parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        self._engine = sa.create_engine(url, pool_pre_ping=True)
-        if url.get_backend_name() == "sqlite":
-            with self._engine.connect() as connection:
-                # Readers never wait for the writer; a commit survives the death of the process.
-                connection.exec_driver_sql("PRAGMA journal_mode=WAL")
-                connection.exec_driver_sql("PRAGMA synchronous=NORMAL")
+        self._engine = engine_for(self._url, alone=self._writes, serialise=lambda value: as_json(value).decode())
         _metadata.create_all(self._engine)
         inspector = sa.inspect(self._engine)
         for table in _metadata.tables.values():
@@ -188,11 +205,40 @@ class Store:
                     f"{', '.join(missing)}. Move it away, or name another one with agent.database."
                 )
 
-    def _append(self, rows: list[dict[str, Any]], latest: dict[str, float]) -> None:
+    def _append(self, events: Sequence[Event], changes: Changes) -> None:
+        try:
+            self._insert(events, changes)
+        except sa.exc.IntegrityError:
+            self._insert(self._still_to_keep(events), changes)
+
+    def _insert(self, events: Sequence[Event], changes: Changes) -> None:
+        rows = [{"session_id": e.session_id, "seq": e.seq, "time": e.time, "update": e.raw} for e in events]
+        latest = {e.session_id: e.time for e in events}
         with self._connected().begin() as connection:
-            connection.execute(sa.insert(_events), rows)
+            for session_id, fields in changes.items():
+                connection.execute(sa.update(_sessions).where(_sessions.c.id == session_id).values(**fields))
+            if rows:
+                connection.execute(sa.insert(_events), rows)
             for session_id, updated in latest.items():
-                connection.execute(sa.update(_sessions).where(_sessions.c.id == session_id).values(updated=updated))
+                this = (_sessions.c.id == session_id) & (_sessions.c.updated < updated)
+                connection.execute(sa.update(_sessions).where(this).values(updated=updated))
+
+    def _still_to_keep(self, events: Sequence[Event]) -> list[Event]:
+        """Those that are not kept yet and whose session exists. That they are the same is looked at: a number that
+        another writer has given must not pass for ours."""
+        missing: list[Event] = []
+        with self._connected().connect() as connection:
+            for session_id in {event.session_id for event in events}:
+                if connection.execute(sa.select(_sessions.c.id).where(_sessions.c.id == session_id)).first() is None:
+                    log.warning("events of the session %s are dropped: it was deleted", session_id)
+                    continue
+                ours = [event for event in events if event.session_id == session_id]
+                since = (_events.c.session_id == session_id) & (_events.c.seq >= min(event.seq for event in ours))
+                kept = {row.seq: (row.time, row.update) for row in connection.execute(sa.select(_events).where(since))}
+                if any(kept.get(event.seq, (event.time, event.raw)) != (event.time, event.raw) for event in ours):
+                    raise StoreError(f"Another program has written to the session {session_id}. Restart the agent.")
+                missing += [event for event in ours if event.seq not in kept]
+        return missing
 
     async def _write(self, *statements: sa.Executable) -> None:
         def work() -> None:
@@ -216,3 +262,21 @@ class Store:
 
     async def _run(self, work: Callable[[], _T]) -> _T:
         return await asyncio.get_running_loop().run_in_executor(self._thread, work)
+
+
+def as_json(value: object) -> bytes:
+    """A value as JSON. What a model or a server made up that is none (half a character, a number that no program
+    reads, no number at all) becomes what comes nearest."""
+    try:
+        return orjson.dumps(value)
+    except TypeError:
+        text = json.dumps(value, ensure_ascii=False, default=str).encode("utf-8", "replace")
+        return orjson.dumps(json.loads(text, parse_int=_number, parse_constant=lambda _name: None))
+
+
+def _number(digits: str) -> float:
+    return int(digits) if len(digits) < 19 else float(digits)
+
+
+def _clean(text: str) -> str:
+    return text.replace("\0", "").encode("utf-8", "replace").decode()

@@ -45,7 +45,7 @@ class TelemetryFeed:
             return
         self._sent_at, self._sent_key = now, key
         message = {"jsonrpc": "2.0", "method": METHOD, "params": self._params(state)}
-        self._connection.deliver(orjson.dumps(message, option=orjson.OPT_APPEND_NEWLINE))
+        self._connection.show_latest(orjson.dumps(message, option=orjson.OPT_APPEND_NEWLINE))
 
     def _params(self, state: telemetry.State | None) -> dict[str, Any]:
         holder = self._house.bench.lease.holder

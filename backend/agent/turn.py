@@ -21,9 +21,9 @@ from backend.agent.lease import Claim, Lease
 from backend.agent.permissions import Verdict
 from backend.agent.policy import MODES, Decision, Policy
 from backend.agent.robot_link import RobotLink, RobotLinkError
-from backend.agent.robot_tools import PREVIEW_ARGUMENT, Progress, RobotTools, RobotUnavailable, Tool, ToolResult
 from backend.agent.session import Listener, Session
 from backend.agent.store import Store
+from backend.agent.tool_server import PREVIEW_ARGUMENT, Progress, ServerUnavailable, Tool, ToolResult, ToolServer
 from backend.identity import Identity
 
 log = logging.getLogger(__name__)
@@ -42,7 +42,8 @@ class Workbench:
     """What every turn works with; one for the whole agent."""
 
     robot_name: str
-    tools: RobotTools
+    tools: ToolServer
+    """The robot's own."""
     policy: Policy
     link: RobotLink
     store: Store
@@ -107,7 +108,7 @@ class Turn:
                 await self.bench.link.at_rest()
             if self._lost is not None:
                 self.session.record(present.message(f"{self._lost}, so I stopped here."))
-        except (RobotUnavailable, model.ModelError) as error:
+        except (ServerUnavailable, model.ModelError) as error:
             self._close_calls(str(error))
             self.session.record(present.message(str(error)))
         except Exception:
@@ -125,13 +126,19 @@ class Turn:
         if command is not None:
             self._model = model.OFFLINE_MODEL
         tools = await self.bench.tools.tools()
+        if command is None:  # a command is the robot's own business
+            tools = await self.session.offered.beside(tools)
         # Just after the start this takes seconds, which are not the thought's.
         await model.ready()
         system = self._system(tools)
         wants_thought = self.session.row.thought and command is None
         thinking = asyncio.create_task(self._think(system, wants_thought), name="preliminary thought")
         try:
-            return await self._loop(tools, thinking)
+            reason = await self._loop(tools, thinking)
+            # At the end: it must not stand between a question and its answer, where a model would take it for its own.
+            if news := self.session.offered.news():
+                self.session.record(present.message(f"\n\n{news}"))
+            return reason
         finally:
             thinking.cancel()
             await asyncio.gather(thinking, return_exceptions=True)
@@ -255,7 +262,8 @@ class Turn:
         self._claim = Claim(self.session.id, self.asker.name, self._lose)
         if not lease.ask(self._claim):
             owner = f"{holder.by} has" if holder else "somebody else has"
-            self.session.record(present.tool_status(call_id, "pending", f"waiting for the robot, which {owner} now"))
+            why = f"waiting for the robot, which {owner} now"
+            self.session.record(present.tool_waits(call_id, why, {"for": "robot"}))
             await lease.wait(self._claim)
 
     async def _allowed(self, call_id: str, tool: Tool, arguments: dict[str, Any]) -> bool:
@@ -289,11 +297,16 @@ class Turn:
             return Verdict(remembered, "remembered", "allow_always" if remembered else "reject_always")
         shown = present.tool_call(call_id, tool, arguments, "pending")
         del shown["sessionUpdate"]
-        # A question must not overtake the announcement of the call that it is about.
-        await self.session.flushed()
         asker = self.asker.name
         not_by = asker if tool.name in self.bench.four_eyes else None
-        return await self.session.desk.ask(self.session.id, shown, tool.title, asker, not_by)
+        desk = self.session.desk
+        if desk.attended(not_by):
+            # Those who are not asked, as the visitor who wants it, see why nothing happens.
+            waits = {"for": "permission", "timeout_s": desk.timeout_s}
+            self.session.record(present.tool_waits(call_id, "waiting for somebody who may allow it", waits))
+        # A question must not overtake the announcement of the call that it is about.
+        await self.session.flushed()
+        return await desk.ask(self.session.id, shown, tool.title, asker, not_by)
 
     async def _execute(self, call_id: str, tool: Tool, arguments: dict[str, Any], looks: bool) -> None:
         if not looks:
@@ -308,7 +321,8 @@ class Turn:
                 last = now
                 self.session.record(present.tool_progress(call_id, progress))
 
-        result = await self.bench.tools.call(tool.name, arguments, show)
+        server = self.bench.tools if tool.server is None else self.session.offered
+        result = await server.call(tool.name, arguments, show)
         self._end(call_id, present.tool_result(call_id, result))
 
     def _lose(self, why: str) -> None:

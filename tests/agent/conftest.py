@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from tests.databases import database, impatient, postgres  # noqa: F401 - fixtures
 from tests.processes import Client, Robot
 
 TIME_SCALE = "20"

@@ -86,6 +86,37 @@ async def test_nobody_who_may_approve_is_a_refusal(robot: Robot, connect: Opener
     assert visitor.questions == []
 
 
+async def test_a_supervisor_who_comes_to_a_visitors_session_is_asked_and_the_visitor_sees_the_wait(
+    robot: Robot, connect: Opener
+) -> None:
+    supervisor = await connect(answer=None, capabilities={"_meta": {"robot-acp/telemetry": {"rate": 10}}})
+    await supervisor.new()
+    visitor = await connect(robot.token("Vera", Role.VISITOR))
+    await visitor.new()
+
+    def waiting() -> list[dict[str, Any]]:
+        metas = [update.get("_meta") or {} for update in visitor.of("tool_call_update")]
+        return [meta["robot-acp/waiting"] for meta in metas if "robot-acp/waiting" in meta]
+
+    def holder() -> str | None:
+        turns = [m["params"]["turn"] for m in supervisor.heard if m["method"] == "_robot/telemetry"]
+        return turns[-1]["sessionId"] if turns and turns[-1] else None
+
+    async with robot.watched() as watched:
+        turn = visitor.later(visitor.prompt("say hello"))
+        await eventually(waiting, "the wait")
+        await eventually(lambda: holder() == visitor.session, "the telemetry to tell whose turn it is")
+        await supervisor.load(visitor.session)
+        await eventually(lambda: supervisor.questions, "the question")
+        await supervisor.load(visitor.session)
+        await eventually(lambda: len(supervisor.questions) == 2, "the question again")
+        await supervisor.decide("allow_once")
+        assert await turn == "end_turn"
+        assert watched.spoken == ["Hello."]
+    assert waiting() == [{"for": "permission", "timeout_s": 2.0}]
+    assert visitor.questions == []
+
+
 async def test_always_counts_for_the_rest_of_the_session_and_for_that_tool(connect: Opener) -> None:
     client = await connect(answer="allow_always")
     await client.new()
@@ -291,10 +322,3 @@ async def test_a_forged_or_expired_token_is_refused(robot: Robot, connect: Opene
         await connect("eyJhbGciOiJub25lIn0.e30.")
     with pytest.raises(RefusedError, match="expired"):
         await connect(robot.token("Sam", Role.OPERATOR, -1))
-
-
-async def test_mcp_servers_of_a_client_are_refused(connect: Opener) -> None:
-    client = await connect()
-    server = {"name": "x", "command": "/bin/sh", "args": [], "env": []}
-    with pytest.raises(RefusedError, match="takes no MCP servers"):
-        await client.link.request("session/new", {"cwd": "/", "mcpServers": [server]})

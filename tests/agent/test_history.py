@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 from backend.agent import present
-from backend.agent.history import PHOTO_NOTE, History
-from backend.agent.robot_tools import Tool, ToolResult
+from backend.agent.history import MAX_CHARS, PHOTO_NOTE, History
+from backend.agent.tool_server import Tool, ToolResult
 
 DRIVE = Tool("navigate_to_place", "Drive", {}, "Drive", "Drive to {place}", False)
 
@@ -85,3 +86,50 @@ def test_a_long_past_is_shortened_by_whole_turns_and_never_the_last() -> None:
     assert kept[-2]["content"][0]["text"].startswith("49 ")
     assert len(kept) == 2 * 4
     assert len(history.messages(max_chars=1)) == 2
+
+
+def size(history: History) -> int:
+    """Characters of what the model is given."""
+    return len(json.dumps(history.messages()))
+
+
+def test_however_long_a_session_is_its_model_gets_a_bounded_past() -> None:
+    history, largest = History(), 0
+    for number in range(1000):  # 5,000 events, and what an inference would get after each
+        for update in (
+            present.user_message({"type": "text", "text": f"go to lab {number} " + "x" * 200}, "Ana", f"t{number}"),
+            present.message("I will go. " + "y" * 100),
+            present.tool_call(f"t{number}.1", DRIVE, {"place": f"lab {number}"}, "pending"),
+            present.tool_result(f"t{number}.1", ToolResult(False, [], {"reached": True, "log": "z" * 300})),
+            present.turn_ended(f"t{number}", "end_turn"),
+        ):
+            history.apply(update)
+        largest = max(largest, size(history))
+    assert MAX_CHARS < largest < 2 * MAX_CHARS, (
+        "the past fills what there is, and no more; names and quotes come on top"
+    )
+    assert "go to lab 999 " in str(history.messages()[-3]["content"])
+
+
+def test_a_turn_of_many_steps_keeps_its_prompt_its_calls_and_its_newest_results() -> None:
+    history = history_of(present.user_message({"type": "text", "text": "look at everything"}, "Ana", "t"))
+    for number in range(100):
+        history.apply(present.tool_call(f"t.{number}", DRIVE, {"place": f"lab {number}"}, "pending"))
+        history.apply(present.tool_result(f"t.{number}", ToolResult(False, [], {"seen": f"{number} " + "x" * 5000})))
+    messages = history.messages()
+    assert len(messages) == 201, "every call has its result: a provider refuses a history in which one is missing"
+    assert messages[0]["content"][0]["text"] == "look at everything"
+    assert messages[2]["content"].endswith("(the rest is left out)")
+    assert size(history) < 3 * MAX_CHARS
+    short = history_of(*(present.message("a"),), present.tool_call("t.1", DRIVE, {}, "pending"))
+    short.apply(present.tool_result("t.1", ToolResult(False, [], {"seen": "x" * 5000})))
+    assert "left out" not in str(short.messages())
+
+
+def test_a_result_that_is_longer_than_all_the_past_is_cut() -> None:
+    history = history_of(
+        present.user_message({"type": "text", "text": "read it"}, "Ana", "t"),
+        present.tool_call("t.1", DRIVE, {}, "pending"),
+        present.tool_result("t.1", ToolResult(False, [], {"text": "x" * 10_000_000})),
+    )
+    assert size(history) < MAX_CHARS

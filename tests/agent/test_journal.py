@@ -5,101 +5,223 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from pathlib import Path
+from dataclasses import dataclass, field
 from typing import Any
 
+import orjson
 import pytest
-from sqlalchemy.exc import OperationalError
 
 from backend.agent import journal as journal_module
 from backend.agent.history import History
 from backend.agent.journal import Journal
 from backend.agent.session import Session
 from backend.agent.store import Event, SessionRow, Store
+from tests.databases import Cluster, Database
 from tests.processes import eventually
 
 ROW = SessionRow("s1", "Ana", None, "/", "supervised", "offline/commands", None, 0.0, 0.0)
 
 
-class Moody(Store):
-    """A real store whose writes fail while the test says so."""
+@pytest.fixture(autouse=True)
+def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody waits for seconds here."""
+    monkeypatch.setattr(journal_module, "RETRY_S", 0.01)
+    monkeypatch.setattr(journal_module, "PATIENCE_S", 0.2)
 
-    broken = False
-    gate: asyncio.Event | None = None
 
-    async def append(self, events: Any) -> None:
-        if self.gate:
-            await self.gate.wait()
-        if self.broken:
-            raise OperationalError("insert", {}, Exception("database is locked"))
-        await super().append(events)
+@dataclass
+class Work:
+    """A session that is recorded in a real database, and what was shown of it."""
+
+    store: Store
+    journal: Journal
+    session: Session
+    shown: list[int] = field(default_factory=list)
+
+    def tell(self, text: str) -> None:
+        self.session.record(message(text))
+
+    async def kept(self) -> list[str]:
+        return [event.update["content"]["text"] async for event in self.store.events("s1")]
+
+    async def recovered(self) -> None:
+        await eventually(lambda: self.journal.failure is None, "the next try")
 
 
 @asynccontextmanager
-async def at_work(tmp_path: Path) -> AsyncIterator[tuple[Moody, Journal, Session]]:
-    store = Moody(f"sqlite:///{tmp_path / 'sessions.db'}")
+async def at_work(database: Database) -> AsyncIterator[Work]:
+    store = Store(database.url)
     await store.open()
     await store.add_session(ROW)
     journal = Journal(store)
     running = asyncio.create_task(journal.run())
-    yield store, journal, Session(ROW, journal, History(), 0, 1.0, asyncio.create_task)  # type: ignore[arg-type]
+    session = Session(ROW, journal, History(), 0, 1.0, asyncio.create_task)  # type: ignore[arg-type]
+    work = Work(store, journal, session)
+    await session.attach(Watcher(work.shown))
+    yield work
     assert not running.done()
     running.cancel()
     await asyncio.gather(running, return_exceptions=True)
     await store.close()
 
 
+@dataclass(eq=False)
+class Watcher:
+    """A client that is shown events."""
+
+    shown: list[int]
+    may_approve: bool = False
+    takes_files: bool = False
+    takes_forms: bool = False
+
+    def deliver(self, frame: bytes) -> None:
+        self.shown.append(orjson.loads(frame)["params"]["_meta"]["robot-acp/seq"])
+
+    async def room(self) -> None:
+        pass
+
+
 def message(text: str) -> dict[str, Any]:
     return {"sessionUpdate": "agent_message_chunk", "content": {"type": "text", "text": text}}
 
 
-async def kept(store: Store) -> list[str]:
-    return [event.update["content"]["text"] async for event in store.events("s1")]
+async def test_what_could_not_be_written_is_shown_and_written_when_it_can_be(database: Database) -> None:
+    async with at_work(database) as work:
+        work.tell("before")
+        await work.session.flushed()
+        with database.away():
+            work.tell("one")
+            work.tell("two")
+            await work.session.flushed()
+            assert work.shown == [1, 2, 3], "people go on seeing what happens"
+            assert work.journal.failure is not None
+            assert "The session log cannot be written" in work.journal.failure
+            assert "hunter2" not in work.journal.failure
+            work.tell("three")
+            assert work.shown == [1, 2, 3, 4], "and wait for no further try"
+        await work.recovered()
+        assert await work.kept() == ["before", "one", "two", "three"]
+        work.tell("after")
+        await work.session.flushed()
+        assert await work.kept() == ["before", "one", "two", "three", "after"]
+        assert work.shown == [1, 2, 3, 4, 5]
 
 
-async def test_what_could_not_be_written_is_written_when_it_can_be(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(journal_module, "RETRY_S", 0.01)
-    async with at_work(tmp_path) as (store, journal, session):
-        shown: list[int] = []
-        store.broken = True
-        session.record(message("one"))
-        journal.append(Event("s1", 2, 0.0, b'{"content":{"text":"two"}}'), lambda event: shown.append(event.seq))
-        await journal.flush()
-        assert shown == [2], "people go on seeing what happens"
-        assert journal.failure is not None
-        assert "cannot be written" in journal.failure
-        assert "locked" not in journal.failure
-        store.broken = False
-        await eventually(lambda: journal.failure is None, "the next try")
-        assert await kept(store) == ["one", "two"]
+async def test_a_write_that_hangs_hides_nothing_and_is_kept_once_whenever_it_ends(database: Database) -> None:
+    async with at_work(database) as work:
+        with database.hanging():
+            work.tell("one")
+            await eventually(lambda: not work.journal._unkept, "the write to be under way")
+            work.tell("two")
+            await eventually(lambda: work.journal.failure, "the journal to lose patience", 4)
+            assert work.shown == [1, 2]
+            work.tell("three")
+            assert work.shown == [1, 2, 3]
+        # The write of "one" is still under way in the database, and it will be repeated.
+        await work.recovered()
+        assert await work.kept() == ["one", "two", "three"]
 
 
-async def test_a_flush_waits_for_what_was_before_it_alone(tmp_path: Path) -> None:
-    async with at_work(tmp_path) as (store, journal, session):
-        store.gate = asyncio.Event()
-        session.record(message("before"))
-        flushed = asyncio.create_task(journal.flush())
-        await eventually(lambda: journal._flushes, "the flush to wait")
-        store.gate.set()
-        store.gate = None
-        session.record(message("after"))
+async def test_changes_that_could_not_be_written_are_none_lost(database: Database) -> None:
+    async with at_work(database) as work:
+        with database.away():
+            work.session.change(title="Tea", mode="observe")
+            await eventually(lambda: work.journal.failure, "the failure")
+            work.session.change(mode="plan")
+        await work.recovered()
+        await work.session.flushed()
+        found = await work.store.session("s1")
+        assert found is not None
+        assert (found.title, found.mode) == ("Tea", "plan")
+
+
+async def test_a_flush_waits_for_what_was_before_it_alone(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(journal_module, "PATIENCE_S", 30.0)
+    async with at_work(database) as work:
+        with database.hanging():
+            work.tell("before")
+            flushed = asyncio.create_task(work.session.flushed())
+            await eventually(lambda: work.journal._flushes and not work.journal._unkept, "the write to be under way")
+            assert work.shown == [], "durable before visible"
+        work.tell("after")
         await flushed
-        assert (await kept(store))[0] == "before"
+        assert (await work.kept())[0] == "before"
+        assert work.shown[0] == 1
+
+
+async def test_an_event_of_a_session_that_was_deleted_stops_nobody(database: Database) -> None:
+    async with at_work(database) as work:
+        work.journal.append(Event("gone", 1, 0.0, b"{}"), lambda _event: None)
+        work.tell("here")
+        await work.session.flushed()
+        assert work.journal.failure is None
+        assert await work.kept() == ["here"]
 
 
 @pytest.mark.parametrize("text", ["half a character \ud83d", "NUL \x00", "𝄞"])
-async def test_no_text_ends_the_journal(tmp_path: Path, text: str) -> None:
-    async with at_work(tmp_path) as (store, journal, session):
-        session.record(message(text))
-        session.record(message("next"))
-        await journal.flush()
-        assert (await kept(store))[1] == "next"
+async def test_no_text_ends_the_journal(database: Database, text: str) -> None:
+    async with at_work(database) as work:
+        work.tell(text)
+        work.session.change(title=text)
+        work.tell("next")
+        await work.session.flushed()
+        assert work.journal.failure is None
+        assert (await work.kept())[1] == "next"
 
 
-async def test_no_number_ends_the_journal(tmp_path: Path) -> None:
-    async with at_work(tmp_path) as (store, journal, session):
-        session.record(message("a") | {"rawInput": {"degrees": 10**40}})
-        await journal.flush()
-        assert await kept(store) == ["a"]
+async def test_no_number_ends_the_journal(database: Database) -> None:
+    async with at_work(database) as work:
+        work.session.record(message("a") | {"rawInput": {"degrees": 10**40}})
+        await work.session.flushed()
+        assert await work.kept() == ["a"]
+
+
+async def test_connections_that_the_server_ended_are_made_again_and_nobody_notices(postgres: Cluster) -> None:
+    with postgres.new_database() as database:
+        async with at_work(database) as work:
+            for number in range(3):
+                work.tell(f"{number}")
+                await work.session.flushed()
+                assert database.cut_connections() == 1
+            assert work.journal.failure is None
+            assert await work.kept() == ["0", "1", "2"]
+
+
+async def test_what_was_under_way_when_the_server_ended_the_connection_is_written_again(
+    postgres: Cluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(journal_module, "PATIENCE_S", 30.0)
+    with postgres.new_database() as database:
+        async with at_work(database) as work:
+            with database.hanging():
+                work.tell("one")
+                work.session.change(title="Tea", mode="observe")
+                await eventually(lambda: not work.journal._changes, "the write to be under way")
+                work.session.change(mode="plan")
+                assert database.cut_connections() == 1
+                await eventually(lambda: work.journal.failure, "the failure")
+            await work.recovered()
+            await work.session.flushed()
+            found = await work.store.session("s1")
+            assert found is not None
+            assert (found.title, found.mode) == ("Tea", "plan")
+            assert await work.kept() == ["one"]
+
+
+async def test_an_agent_that_lost_its_database_to_another_writes_nothing_into_it(
+    postgres: Cluster, impatient: None
+) -> None:
+    with postgres.new_database() as database:
+        async with at_work(database) as work:
+            with database.away():
+                pass
+            other = Store(database.url)
+            await other.open()
+            work.tell("mine")
+            await work.session.flushed()
+            assert work.journal.failure is not None
+            assert "Another agent is using the database" in work.journal.failure
+            assert [event.seq async for event in other.events("s1")] == []
+            await other.close()
+            await work.recovered()
+            assert await work.kept() == ["mine"]

@@ -23,3 +23,19 @@ async def test_the_same_agent_drives_a_robot_that_shares_no_code_with_ours(tmp_p
         ]
         assert "I said: “Hello.” I am at x 1.0 m, y 2.0 m." in client.said
         await client.close()
+
+
+async def test_what_it_may_not_do_the_other_robot_is_not_asked(tmp_path: Path) -> None:
+    robot = Robot(tmp_path, {"ROBOT_ACP_AGENT__ROBOT_URL": f"stdio:{sys.executable} {OTHER}"})
+    with robot.running("agent", port=robot.agent_port):
+        client = await Client.open(f"tcp://127.0.0.1:{robot.agent_port}", answer="reject_once")
+        await client.new()
+        await client.prompt("say hello")
+        assert len(client.questions) == 1
+        client.answer = "allow_once"
+        await client.prompt("say hello")
+        done = [
+            c for u in client.of("tool_call_update") for c in u.get("content") or [] if u.get("status") == "completed"
+        ]
+        assert [c["content"]["text"] for c in done] == ["said 1 sentences"]
+        await client.close()

@@ -150,6 +150,19 @@ async def test_nobody_to_ask_refuses_at_once() -> None:
     assert await Desk().ask() == Verdict(False, "nobody")
 
 
+async def test_with_somebody_who_may_come_it_waits_and_asks_who_comes(ana: Person) -> None:
+    desk = PermissionDesk(5.0, asyncio.create_task, may_come=lambda not_by: not_by != "Ana")
+    question = asyncio.create_task(desk.ask("s1", CALL, "speech", "Visitor"))
+    await asyncio.sleep(0)
+    assert not question.done()
+    desk.attach(ana)
+    await asked(ana)
+    assert ana.asked is not None
+    ana.asked.set_result(chosen("allow_once"))
+    assert (await question).by == "Ana"
+    assert await desk.ask("s1", CALL, "speech", "Ana", not_by="Ana") == Verdict(False, "nobody")
+
+
 async def test_no_answer_in_time_refuses(ana: Person) -> None:
     assert await Desk(ana, timeout_s=0.05).ask() == Verdict(False, "timeout")
 
@@ -160,6 +173,22 @@ async def test_when_the_last_one_leaves_it_is_refused(ana: Person) -> None:
     await asked(ana)
     desk.desk.detach(ana)
     assert await question == Verdict(False, "nobody")
+
+
+async def test_one_who_opens_the_session_again_is_asked_again_and_refuses_nothing_by_that(ana: Person) -> None:
+    desk = Desk(ana)
+    question = desk.ask()
+    await asked(ana)
+    desk.desk.detach(ana, returns=True)
+    async with asyncio.timeout(5):
+        while not ana.withdrawn:
+            await asyncio.sleep(0)
+    ana.asked = None
+    desk.desk.attach(ana)
+    await asked(ana)
+    assert ana.asked is not None
+    ana.asked.set_result(chosen("allow_once"))
+    assert (await question).allowed
 
 
 async def test_one_who_comes_later_gets_the_pending_question(ana: Person, ben: Person) -> None:

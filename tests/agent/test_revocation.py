@@ -100,7 +100,7 @@ async def test_a_revoked_connection_that_reads_nothing_is_cut_off() -> None:
     ended = asyncio.Event()
 
     async def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        connection = ClientConnection(reader, writer, local=True)
+        connection = ClientConnection(reader, writer, local=True, max_outbox_bytes=64 * 1024 * 1024)
         serving = asyncio.create_task(connection.serve(MessageRouter()))
         connection.deliver(b"x" * 32 * 1024 * 1024)  # more than the sockets on the way hold
         await connection.dismiss()

@@ -99,9 +99,10 @@ async def test_meta_cannot_pose_as_a_parameter(robot: Robot) -> None:
 
 
 async def test_stdio_speaks_the_same(robot: Robot) -> None:
+    database = f"sqlite:///{robot.data / 'stdio.db'}"  # the agent on TCP has the other one
     process = await asyncio.create_subprocess_exec(
         *robot.command("agent", "--stdio"),
-        env=robot.variables,
+        env=robot.variables | {"ROBOT_ACP_AGENT__DATABASE": database},
         stdin=asyncio.subprocess.PIPE,
         stdout=asyncio.subprocess.PIPE,
     )

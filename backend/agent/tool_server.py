@@ -1,6 +1,7 @@
-"""The robot's tools, over one MCP connection that is kept: connected once, tools listed once, renewed when it breaks.
+"""The tools of one MCP server, over a connection that is kept: made once, tools listed once, renewed when it breaks.
 
-Knows MCP and nothing of what the tools do; any MCP server can stand here.
+Knows MCP and nothing of what the tools do; any MCP server can stand here, the robot's or one that a client offered.
+Never logs a header: it can be a secret.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import contextlib
 import logging
 import shlex
 import string
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +23,7 @@ from mcp.client.streamable_http import streamable_http_client
 from mcp.shared._httpx_utils import create_mcp_http_client
 from mcp.shared.exceptions import MCPError
 
+from backend.agent import sign_of_life
 from backend.agent.policy import ToolTraits
 
 log = logging.getLogger(__name__)
@@ -33,8 +35,8 @@ PREVIEW_ARGUMENT = "plan_only"
 _TITLE_META = "robot-acp/title"
 
 
-class RobotUnavailable(Exception):
-    """The robot server does not answer; the text says what to do."""
+class ServerUnavailable(Exception):
+    """The MCP server does not answer; the text says which, and what to do."""
 
 
 @dataclass(frozen=True)
@@ -69,11 +71,15 @@ class Tool:
     title: str
     title_template: str | None
     read_only: bool | None
+    server: str | None = None
+    """The offered server that it belongs to; None for the robot's own."""
+    sign_of_life: sign_of_life.Asked | None = None
 
     @property
     def traits(self) -> ToolTraits:
-        """What the policy looks at."""
-        return ToolTraits(self.name, self.read_only, PREVIEW_ARGUMENT in self.parameters.get("properties", {}))
+        """What the policy looks at. Only the robot itself can be believed to preview."""
+        can_preview = self.server is None and PREVIEW_ARGUMENT in self.parameters.get("properties", {})
+        return ToolTraits(self.name, self.read_only, can_preview)
 
     @property
     def schema(self) -> dict[str, Any]:
@@ -100,12 +106,17 @@ class _PlainFormatter(string.Formatter):
 ProgressCallback = Callable[[Progress], None]
 
 
-class RobotTools:
-    """The connection to one MCP server: an `http(s)://` URL, or `stdio:COMMAND`."""
+class ToolServer:
+    """The connection to one MCP server: an `http(s)://` URL, which gets the `headers`, or `stdio:COMMAND`.
 
-    def __init__(self, url: str, bearer: str | None = None) -> None:
+    `absent` is what people are told when it does not answer.
+    """
+
+    def __init__(self, url: str, headers: Mapping[str, str] | None = None, *, absent: str) -> None:
         self._url = url
-        self._bearer = bearer
+        self._headers = dict(headers or {})
+        self._absent = absent
+        self._closed = False
         self._lock = asyncio.Lock()
         self._client: mcp.Client | None = None
         self._lost = asyncio.Event()
@@ -113,21 +124,22 @@ class RobotTools:
         self._tools: dict[str, Tool] = {}
 
     async def close(self) -> None:
-        """Disconnect."""
+        """Disconnect for good: what is asked for later is refused as if the server were gone."""
+        self._closed = True
         async with self._lock:
             await self._drop()
 
     async def tools(self) -> dict[str, Tool]:
-        """The tools by name. Raises `RobotUnavailable`."""
+        """The tools by name. Raises `ServerUnavailable`."""
         await self._connected()
         return self._tools
 
     async def call(
         self, name: str, arguments: dict[str, Any], on_progress: ProgressCallback | None = None
     ) -> ToolResult:
-        """Run a tool to its end. Cancelling this cancels the tool, which halts the robot.
+        """Run a tool to its end. Cancelling this cancels the tool, which halts a robot.
 
-        Raises `RobotUnavailable` when the server is gone; a tool that fails is a result with `failed`.
+        Raises `ServerUnavailable` when the server is gone; a tool that fails is a result with `failed`.
         """
         client = await self._connected()
 
@@ -136,7 +148,8 @@ class RobotTools:
                 on_progress(Progress(progress / total if total else None, message or ""))
 
         try:
-            result = await client.call_tool(name, arguments, progress_callback=report)
+            async with sign_of_life.given(client, self._sign_asked_by(name)) as meta:
+                result = await client.call_tool(name, arguments, progress_callback=report, meta=meta)
         except MCPError as error:
             if await self._still_there(client):
                 return ToolResult(True, [{"type": "text", "text": error.message}], None)
@@ -148,8 +161,17 @@ class RobotTools:
         content = [shown for block in result.content if (shown := _as_acp(block))]
         return ToolResult(result.is_error, content, result.structured_content)
 
+    def _sign_asked_by(self, name: str) -> sign_of_life.Asked | None:
+        """The sign of life that a tool asks for; one that does more than look is not given unasked."""
+        tool = self._tools.get(name)
+        asked = tool.sign_of_life if tool else None
+        cheap = self._tools.get(asked.tool) if asked else None
+        return asked if cheap and cheap.read_only else None
+
     async def _connected(self) -> mcp.Client:
         async with self._lock:
+            if self._closed:
+                raise ServerUnavailable(self._absent)
             if self._client is None:
                 await self._connect()
             assert self._client is not None  # noqa: S101 - `_connect` sets it or raises
@@ -185,7 +207,7 @@ class RobotTools:
             if not ready.done():
                 ready.set_exception(error)
             else:
-                log.info("the connection to the robot server broke: %s", type(error).__name__)
+                log.info("the connection to an MCP server broke: %s", type(error).__name__)
 
     @contextlib.asynccontextmanager
     async def _transport(self) -> AsyncIterator[Any]:
@@ -193,8 +215,7 @@ class RobotTools:
             command, *arguments = shlex.split(self._url.removeprefix("stdio:"))
             yield stdio_client(StdioServerParameters(command=command, args=arguments))
         else:
-            headers = {"Authorization": f"Bearer {self._bearer}"} if self._bearer else None
-            async with create_mcp_http_client(headers=headers) as http:
+            async with create_mcp_http_client(headers=self._headers) as http:
                 yield streamable_http_client(self._url, http_client=http, max_sse_event_size=MAX_RESULT_BYTES)
 
     async def _still_there(self, client: mcp.Client) -> bool:
@@ -220,10 +241,10 @@ class RobotTools:
             with contextlib.suppress(asyncio.CancelledError, Exception):
                 await owner
 
-    def _unavailable(self) -> RobotUnavailable:
+    def _unavailable(self) -> ServerUnavailable:
         # The address can hold a password or a whole command line: it is for the log.
-        log.warning("no robot server at %s", self._url.rpartition("@")[2].split(" ")[0])
-        return RobotUnavailable("The robot server does not answer. Start it with `robot-acp robot`, then try again.")
+        log.warning("no MCP server at %s", self._url.rpartition("@")[2].split(" ")[0])
+        return ServerUnavailable(self._absent)
 
 
 async def _list(client: mcp.Client) -> list[Tool]:
@@ -249,6 +270,7 @@ def _tool(described: mcp_types.Tool) -> Tool:
         title=title,
         title_template=template if isinstance(template, str) else None,
         read_only=notes.read_only_hint if notes else None,
+        sign_of_life=sign_of_life.Asked.of(meta),
     )
 
 
