@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import itertools
 from typing import Protocol
 
 from websockets.asyncio.client import ClientConnection, connect
@@ -14,6 +15,7 @@ from tests.processes import PATIENCE_S, Robot
 
 TRANSPORTS = {"tcp": "TCP", "stdio": "stdio", "bridge": "WebSocket of the bridge"}
 LARGEST = 32 * 1024 * 1024
+_NUMBERS = itertools.count(1)
 
 
 class Channel(Protocol):
@@ -65,8 +67,8 @@ class Child(Lines):
 
     @classmethod
     async def start(cls, robot: Robot) -> Child:
-        # A database of its own: the agent on TCP has the other one.
-        database = f"sqlite:///{robot.data / 'stdio.db'}"
+        # A database of its own: one agent has one, and another process may be on stdio at the same time.
+        database = f"sqlite:///{robot.data / f'stdio-{next(_NUMBERS)}.db'}"
         process = await asyncio.create_subprocess_exec(
             *robot.command("agent", "--stdio"),
             env=robot.variables | {"ROBOT_ACP_AGENT__DATABASE": database},

@@ -155,3 +155,32 @@ async def test_robot_take_over(robot: Robot, client: RecordedClient) -> None:
         assert await waiting == "end_turn"
     client.session = first
     assert "took the robot over" in client.said
+
+
+@shows("_robot/abilities")
+async def test_robot_abilities(robot: Robot, client: RecordedClient) -> None:
+    told = await client.request("_robot/abilities", {})
+    assert {"name": "kitchen", "type": "space"} in told["places"]
+    assert {"name": "take_photo", "title": "Take a photo", "readOnly": True} in told["tools"]
+    assert not next(tool["readOnly"] for tool in told["tools"] if tool["name"] == "speak")
+    try:
+        await log_in(client, robot, "Kiosk", Role.VISITOR)
+        assert await client.request("_robot/abilities", {}) == told
+        await client.request("logout", {})
+        with pytest.raises(Refused) as refused:
+            await client.request("_robot/abilities", {})
+        assert refused.value.code == AUTH_REQUIRED
+    finally:
+        await log_in(client, robot, "Ana", Role.SUPERVISOR)
+
+
+@shows("_robot/leave")
+async def test_robot_leave(client: RecordedClient) -> None:
+    await client.new()
+    assert await client.of_session("_robot/leave") == {}
+    assert await client.of_session("_robot/leave") == {}
+    assert await client.request("_robot/leave", {"sessionId": ["nonsense"]}) == {}
+    await client.of_session("session/set_mode", modeId="observe")
+    assert client.updates("current_mode_update") == []
+    await client.open_again("session/load")
+    assert [update["currentModeId"] for update in client.updates("current_mode_update")] == ["observe"]

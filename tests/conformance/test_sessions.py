@@ -28,9 +28,11 @@ async def test_session_new(client: RecordedClient) -> None:
     assert {option["id"] for option in answer["configOptions"]} == {"mode", "model", "thought", "motion_asks"}
     assert answer["models"]["currentModelId"] in [model["modelId"] for model in answer["models"]["availableModels"]]
     stdio = {"name": "x", "command": "/bin/true", "args": [], "env": []}
-    with pytest.raises(Refused) as refused:
-        await client.request("session/new", {"cwd": "/", "mcpServers": [stdio]})
-    assert refused.value.code == INVALID_PARAMS
+    http = {"type": "http", "name": "x", "url": "https://x.example.org/mcp", "headers": []}
+    for server, said in ((stdio, "commands on the robot's computer"), (http, "agent.mcp_allow")):
+        with pytest.raises(Refused, match=said) as refused:
+            await client.request("session/new", {"cwd": "/", "mcpServers": [server]})
+        assert refused.value.code == INVALID_PARAMS
 
 
 @shows("session/load")

@@ -1,56 +1,62 @@
-// The official TypeScript SDK as a client: the paper's session, P1 to P4, over the bridge's WebSocket. It prints what it
-// heard as one JSON object, and judges nothing: the test that starts it does.
+// The official TypeScript SDK as a client, in node and in a browser. It does what it is told and tells what it hears; it
+// judges nothing: the test that drives it does.
 //
-// node --experimental-websocket typescript_client.mjs ws://HOST:PORT/acp TOKEN
-import { client, methods, PROTOCOL_VERSION } from "../../web/node_modules/@agentclientprotocol/sdk/dist/v1/stable/acp.js";
+// In node, commands come as lines of JSON on stdin and events go to stdout:
+//   node --experimental-websocket typescript_client.mjs ws://HOST:PORT/acp TOKEN
+// In a browser, `begin` is a global, and the page passes both on.
+//
+// Commands: {id, method, params} is a request, {method, params} a notification, {question, optionId} an answer.
+// Events:   {id, result} or {id, error}, {heard: params of session/update}, {question, params}, {withdrawn: question}.
+import { client, methods } from "../../web/node_modules/@agentclientprotocol/sdk/dist/v1/stable/acp.js";
 import { createWebSocketStream } from "../../web/node_modules/@agentclientprotocol/sdk/dist/transports/ws-stream.js";
 
-const [address, token] = process.argv.slice(2);
-const text = (sentence) => [{ type: "text", text: sentence }];
+/** Connect, and return the function that carries out a command. */
+export function begin(address, token, tell) {
+  const answers = [];
 
-const heard = [];
-const questions = [];
-let answers = [];
-let onUpdate = () => undefined;
+  const app = client({ name: "robot-acp conformance" })
+    .onNotification(methods.client.session.update, ({ params }) => tell({ heard: params }))
+    .onRequest(methods.client.session.requestPermission, ({ params, signal }) => {
+      return new Promise((resolve) => {
+        const question = answers.push((outcome) => resolve({ outcome })) - 1;
+        signal.addEventListener("abort", () => {
+          tell({ withdrawn: question });
+          resolve({ outcome: { outcome: "cancelled" } });
+        });
+        tell({ question, params });
+      });
+    });
 
-const app = client({ name: "robot-acp conformance" })
-  .onNotification(methods.client.session.update, ({ params }) => {
-    heard.push(params);
-    onUpdate(params.update);
-  })
-  .onRequest(methods.client.session.requestPermission, ({ params }) => {
-    const optionId = answers.shift();
-    questions.push({ title: params.toolCall.title, answer: optionId });
-    return { outcome: { outcome: "selected", optionId } };
+  const stream = createWebSocketStream(address, { protocols: ["acp.v1", `bearer.${token}`] });
+  const connected = new Promise((resolve, reject) => {
+    // The connection lasts as long as what is returned here: until the process or the page ends.
+    app.connectWith(stream, (agent) => (resolve(agent), new Promise(() => undefined))).catch(reject);
   });
 
-const protocols = ["acp.v1", `bearer.${token}`];
-const report = await app.connectWith(createWebSocketStream(address, { protocols }), async (agent) => {
-  const hello = await agent.request(methods.agent.initialize, {
-    protocolVersion: PROTOCOL_VERSION,
-    clientInfo: { name: "robot-acp-conformance", version: "1" },
-    clientCapabilities: {},
-  });
-  const { sessionId } = await agent.request(methods.agent.session.new, { cwd: "/", mcpServers: [] });
-  const ask = async (sentence) =>
-    (await agent.request(methods.agent.session.prompt, { sessionId, prompt: text(sentence) })).stopReason;
-
-  const stopReasons = [];
-  answers = ["allow_once"];
-  stopReasons.push(await ask("Go to lab 2.3.7 and tell them that the meeting is at noon"));
-
-  // Cancelled once the robot has told how far it still has to go.
-  onUpdate = (update) => {
-    if (update._meta?.["robot-acp/progress"] === undefined) return;
-    onUpdate = () => undefined;
-    void agent.notify(methods.agent.session.cancel, { sessionId });
+  return async ({ id, method, params, question, optionId }) => {
+    const agent = await connected;
+    if (question !== undefined) answers[question]({ outcome: "selected", optionId });
+    else if (id === undefined) await agent.notify(method, params);
+    else {
+      try {
+        tell({ id, result: await agent.request(method, params) });
+      } catch (error) {
+        tell({ id, error: String(error) });
+      }
+    }
   };
-  stopReasons.push(await ask("Go back to where you started"));
+}
 
-  answers = ["reject_once", "allow_once"];
-  const both = "tell them that it moved to one o'clock, and then tell them that lunch is at two";
-  stopReasons.push(await ask(`Go to lab 2.3.7, ${both}`));
-  stopReasons.push(await ask("Go back to where you started"));
-  return { protocolVersion: hello.protocolVersion, sessionId, stopReasons, questions, heard };
-});
-process.stdout.write(JSON.stringify(report));
+if (globalThis.process?.stdin === undefined) {
+  globalThis.begin = begin;
+} else {
+  const [address, token] = process.argv.slice(2);
+  const obey = begin(address, token, (event) => process.stdout.write(`${JSON.stringify(event)}\n`));
+  let rest = "";
+  for await (const chunk of process.stdin.setEncoding("utf8")) {
+    const lines = (rest + chunk).split("\n");
+    rest = lines.pop();
+    for (const line of lines) void obey(JSON.parse(line));
+  }
+  process.exit(0);
+}

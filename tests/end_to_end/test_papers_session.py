@@ -6,59 +6,16 @@ same session over TCP all the while.
 
 from __future__ import annotations
 
-import asyncio
-import json
 import time
 from pathlib import Path
-from typing import Any
 
 from playwright.async_api import Page, expect
 
 from tests.end_to_end.conftest import Opener, Up
+from tests.end_to_end.terminal import Terminal
 from tests.processes import Client, Watched, eventually
 
 HALT_S = 0.3
-
-
-class Terminal:
-    """`robot-acp chat --json` in a process of its own, joined to the newest session."""
-
-    def __init__(self, process: asyncio.subprocess.Process) -> None:
-        self.process = process
-        self.heard: list[dict[str, Any]] = []
-        self._reader = asyncio.create_task(self._read())
-
-    @classmethod
-    async def join(cls, up: Up, session: str) -> Terminal:
-        process = await asyncio.create_subprocess_exec(
-            *up.robot.command("chat", f"tcp://127.0.0.1:{up.robot.agent_port}", "--session", session, "--json"),
-            env=up.robot.variables,
-            stdin=asyncio.subprocess.PIPE,
-            stdout=asyncio.subprocess.PIPE,
-            limit=2**26,
-        )
-        return cls(process)
-
-    async def _read(self) -> None:
-        assert self.process.stdout is not None
-        async for line in self.process.stdout:
-            self.heard.append(json.loads(line))
-
-    @property
-    def events(self) -> list[tuple[int, dict[str, Any]]]:
-        updates = [m["params"] for m in self.heard if m.get("method") == "session/update" and "_meta" in m["params"]]
-        return [(p["_meta"]["robot-acp/seq"], p["update"]) for p in updates]
-
-    def turn_ends(self) -> list[str]:
-        metas = [update.get("_meta") or {} for _, update in self.events]
-        turns = [meta["robot-acp/turn"] for meta in metas if "robot-acp/turn" in meta]
-        return [turn["stopReason"] for turn in turns if turn["state"] == "ended"]
-
-    async def leave(self) -> None:
-        assert self.process.stdin is not None
-        self.process.stdin.close()
-        await self.process.wait()
-        await self._reader
 
 
 async def ask(page: Page, text: str) -> None:
