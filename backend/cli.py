@@ -61,6 +61,15 @@ def _parser() -> argparse.ArgumentParser:
     robot.add_argument("--stdio", action="store_true", help="speak MCP on stdin and stdout")
     robot.set_defaults(run=_robot)
 
+    demo = commands.add_parser("ros2-demo", help="a stand-in for a ROS 2 robot: the simulator behind ROS nodes")
+    demo.add_argument("--time-scale", type=float, metavar="N", help="simulated time runs N times faster")
+    demo.add_argument("--world", help="a built-in world, or a folder with map.yaml and places.yaml")
+    demo.set_defaults(run=_ros2_demo)
+
+    doctor = commands.add_parser("doctor", help="what of all this works here, what is missing, and what to do")
+    doctor.add_argument("--robot", choices=["simulator", "ros2"], help="which robot it is (default: of the settings)")
+    doctor.set_defaults(run=_doctor)
+
     agent = commands.add_parser("agent", help="the ACP agent: sessions, permissions, the loop")
     agent.add_argument("--model", help="any litellm model name (default: offline/commands)")
     agent.add_argument("--robot-url", help="MCP URL of the robot server, or stdio:COMMAND")
@@ -149,6 +158,10 @@ def _remote_flags(parser: argparse.ArgumentParser) -> None:
 
 def _robot_flags(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--time-scale", type=float, metavar="N", help="simulated time runs N times faster")
+    parser.add_argument("--robot", choices=["simulator", "ros2"], help="which robot it is (default: simulator)")
+    parser.add_argument(
+        "--ros2-demo", action="store_true", default=None, help="the ROS 2 robot is a stand-in: the simulator behind ROS"
+    )
     parser.add_argument("--world", help="a built-in world, or a folder with map.yaml and places.yaml")
 
 
@@ -160,6 +173,8 @@ def _flags(options: argparse.Namespace) -> dict[str, Any]:
         ("log_level",): getattr(options, "log_level", None),
         ("robot", "time_scale"): getattr(options, "time_scale", None),
         ("robot", "world"): getattr(options, "world", None),
+        ("robot", "kind"): "ros2" if getattr(options, "ros2_demo", None) else getattr(options, "robot", None),
+        ("robot", "ros2", "demo"): getattr(options, "ros2_demo", None),
         ("agent", "model"): getattr(options, "model", None),
         ("agent", "robot_url"): getattr(options, "robot_url", None),
         ("bridge", "agent"): getattr(options, "agent", None),
@@ -185,6 +200,18 @@ def _robot(settings: config.Settings, options: argparse.Namespace) -> int:
     from backend.mcp_robot.server import serve
 
     return _until_signal(serve(settings, stdio=options.stdio))
+
+
+def _ros2_demo(settings: config.Settings, _options: argparse.Namespace) -> int:
+    from backend.mcp_robot.ros2.start_demo import serve
+
+    return _until_signal(serve(settings))
+
+
+def _doctor(settings: config.Settings, _options: argparse.Namespace) -> int:
+    from backend.doctor import run
+
+    return asyncio.run(run(settings))
 
 
 def _agent(settings: config.Settings, options: argparse.Namespace) -> int:

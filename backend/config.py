@@ -10,7 +10,7 @@ import os
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 from pydantic_settings import (
     BaseSettings,
     PydanticBaseSettingsSource,
@@ -40,18 +40,86 @@ class Limits(_Section):
     braking: float = Field(4.0, gt=0, le=10, description="deceleration when it has to stop, m/s^2")
     battery_floor: float = Field(0.10, ge=0, lt=1, description="refuse motion below, except to a dock")
     max_speech_chars: int = Field(400, gt=0, le=4000)
+    max_motions_per_minute: int = Field(30, gt=0, le=6000)
+    max_speeches_per_minute: int = Field(20, gt=0, le=6000)
+    pose_timeout: float = Field(
+        1.0, gt=0, le=10, description="seconds; a moving robot with an older pose or scan halts"
+    )
+    client_silence: float = Field(2.0, ge=0.5, le=30, description="seconds without a sign of life; then it halts")
+    unheard_motion: float = Field(60.0, ge=0, le=3600, description="seconds of motion for a client that gives no sign")
+
+
+class KeepOut(_Section):
+    """A zone that the robot's footprint must not touch, in the map frame."""
+
+    name: str = Field(min_length=1, max_length=80)
+    polygon: list[tuple[FiniteFloat, FiniteFloat]] = Field(min_length=3, max_length=1000)
+
+
+class Simulator(_Section):
+    """What makes the simulator less than ideal. All off by default, all drawn from the robot's seed."""
+
+    people: int = Field(0, ge=0, le=50, description="people who walk about")
+    closed_doors: list[str] = Field([], description="ids of doors of the world that are closed at the start")
+    localisation_noise: float = Field(0.0, ge=0, le=0.2, description="standard deviation of the position error, m")
+    heading_noise: float = Field(0.0, ge=0, le=0.1, description="standard deviation of the yaw error, rad")
+    wheel_slip: float = Field(0.0, ge=0, le=0.5, description="share of their grip that the wheels lose at most")
+    laser_rays: int = Field(360, ge=60, le=1440)
+
+
+class Ros2(_Section):
+    """How a ROS 2 robot is reached: its topics, actions and frames. An empty topic is one that it does not have."""
+
+    distro: Literal["humble", "jazzy", "kilted"] = Field("kilted", description="what the robot runs")
+    domain_id: int | None = Field(None, ge=0, le=232, description="default: ROS_DOMAIN_ID, else 0")
+    demo: bool = Field(False, description="start a stand-in for the robot: the simulator behind ROS nodes")
+    use_sim_time: bool = False
+    places: str = Field("", description="path of a places.yaml; empty: the robot knows no names")
+    footprint_radius: float = Field(0.25, gt=0, le=5, description="circle that encloses the robot, m")
+    map_frame: str = Field("map", min_length=1)
+    base_frame: str = Field("base_link", min_length=1)
+    map: str = Field("map", min_length=1, description="nav_msgs/OccupancyGrid")
+    amcl_pose: str = Field("amcl_pose", description="geometry_msgs/PoseWithCovarianceStamped")
+    odom: str = Field("odom", min_length=1, description="nav_msgs/Odometry")
+    scan: str = Field("scan", description="sensor_msgs/LaserScan")
+    plan: str = Field("plan", description="nav_msgs/Path: the way that is being driven")
+    battery: str = Field("battery_state", description="sensor_msgs/BatteryState")
+    image: str = Field("camera/image_raw/compressed", description="a picture of the front camera")
+    image_type: Literal["compressed", "raw"] = "compressed"
+    speech: str = Field("speech", description="std_msgs/String: what the robot is to say aloud")
+    cmd_vel: str = Field("cmd_vel_nav", min_length=1, description="the input of velocity smoother, collision monitor")
+    cmd_vel_stamped: bool | None = Field(None, description="TwistStamped; default: from Kilted on")
+    navigate: str = Field("navigate_to_pose", min_length=1, description="nav2_msgs/action/NavigateToPose")
+    spin: str = Field("spin", min_length=1, description="nav2_msgs/action/Spin")
+    compute_path: str = Field("compute_path_to_pose", description="nav2_msgs/action/ComputePathToPose")
+    stops: list[str] = Field(
+        ["navigate_through_poses", "follow_waypoints", "follow_path", "backup", "drive_on_heading", "assisted_teleop"],
+        description="further actions whose goals a stop cancels",
+    )
+    answer_timeout: float = Field(3.0, gt=0, description="seconds that a node may take to answer")
+    camera_timeout: float = Field(3.0, gt=0, description="seconds that a picture may take")
+
+    @property
+    def stamped(self) -> bool:
+        """Whether velocities are TwistStamped."""
+        return self.distro == "kilted" if self.cmd_vel_stamped is None else self.cmd_vel_stamped
 
 
 class Robot(_Section):
     """The robot server."""
 
+    kind: Literal["simulator", "ros2"] = "simulator"
+
     name: str = Field("Sancho", min_length=1, max_length=40)
     host: str = "127.0.0.1"
     port: int = Field(8000, ge=0, le=65535)
-    world: str = Field("office", description="a built-in world, or the path of a folder with map.yaml and places.yaml")
+    world: str = Field("office", description="a built-in world, or the path of a map.yaml or the folder with one")
     time_scale: float = Field(1.0, gt=0, le=100)
-    seed: int = 0
+    seed: int = Field(0, ge=0)
+    keep_out: list[KeepOut] = Field([], description="further zones than those of the world's keep_out.yaml")
     limits: Limits = Limits()
+    simulator: Simulator = Simulator()
+    ros2: Ros2 = Ros2()
 
 
 class Agent(_Section):
@@ -62,15 +130,20 @@ class Agent(_Section):
     model: str = Field("offline/commands", min_length=1, description="any litellm model name")
     models: list[str] = Field([], description="further models that people may choose")
     robot_url: str | None = Field(None, description="another MCP server: URL or stdio:COMMAND")
-    database: str | None = Field(None, description="SQLAlchemy URL; default: SQLite in the data folder")
+    database: str | None = Field(
+        None, description="sqlite:///PATH or postgresql://…; default: SQLite in the data folder"
+    )
     trust_loopback: bool = True
     default_mode: str = "supervised"
     permission_timeout: float = Field(60.0, gt=0, description="seconds; no answer in time is a refusal")
     thought_timeout: float = Field(5.0, gt=0, description="seconds that acting waits for the first thought")
     max_steps: int = Field(40, gt=0, description="inferences a turn")
     pose_tool: str = Field("get_current_pose", description="tool that tells where a session started")
+    places_tool: str = Field("get_topological_map", description="tool that tells the places that a kiosk suggests")
     unattended_after: float = Field(45.0, ge=0, description="seconds without anybody who may operate; 0 is never")
+    max_outbox_bytes: int = Field(64 * 1024 * 1024, ge=1024 * 1024, description="what may wait for a slow client")
     four_eyes: list[str] = Field([], description="tools that somebody else than the asker must approve")
+    mcp_allow: list[str] = Field([], description="MCP servers that a supervisor's client may bring: URL prefixes")
     policy: dict[str, dict[str, Decision]] = Field({}, description="mode -> tool -> allow, ask or deny")
     visitors: dict[str, Decision] = Field({}, description="tool -> what a visitor's prompt may do at most")
 

@@ -104,8 +104,15 @@ class Place(msgspec.Struct, frozen=True):
     pose: Pose
 
 
+class Zone(msgspec.Struct, frozen=True):
+    """A keep-out zone: a polygon in the map frame, its corners in order, that the robot's footprint does not touch."""
+
+    name: str
+    polygon: list[tuple[float, float]]
+
+
 class Map(Message, frozen=True, tag="map"):
-    """The occupancy grid and the places; sent on subscription and on change.
+    """The occupancy grid, the places and the keep-out zones; sent on subscription and on change.
 
     `cells` holds `height * width` bytes, row 0 at the bottom (y smallest): 0 free, 100 occupied, 255 unknown.
     The cell (0, 0) has its lower left corner at (`origin_x`, `origin_y`); `resolution` is in m a cell.
@@ -118,6 +125,7 @@ class Map(Message, frozen=True, tag="map"):
     origin_y: float
     cells: bytes
     places: list[Place]
+    zones: list[Zone] = []
 
 
 class Speech(Message, frozen=True, tag="speech"):

@@ -10,6 +10,7 @@ import asyncio
 import contextlib
 import logging
 import os
+import random
 import signal
 import socket
 import sys
@@ -28,6 +29,10 @@ STOP_TIMEOUT_S = 3.0
 RESTART_S = (0.2, 1.0, 3.0, 10.0)
 STEADY_S = 30.0
 LOGIN_DAYS = 7.0
+MISSING_AFTER_S = 10.0
+"""How long the page may answer before the greeting says what is missing."""
+DEMO_DOMAINS = range(10, 100)
+"""ROS domains whose ports lie below those that a system gives out by itself."""
 
 
 async def run(settings: Settings, config_file: Path | None) -> int:
@@ -38,10 +43,14 @@ async def run(settings: Settings, config_file: Path | None) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, ending.set)
     environment = _environment(settings, config_file)
+    names: tuple[str, ...] = NAMES
+    if settings.robot.kind == "ros2" and settings.robot.ros2.demo:
+        names = ("ros2-demo", *NAMES)
+        environment |= _demo_domain(settings, environment)
     identity.shared_secret(settings.data_dir, identity.ROBOT_TOKEN)
     token = tokens.create(settings.data_dir, "supervisor", Role.SUPERVISOR, LOGIN_DAYS * 86400)
     async with asyncio.TaskGroup() as group:
-        keepers = [group.create_task(_keep(name, environment)) for name in NAMES]
+        keepers = [group.create_task(_keep(name, environment)) for name in names]
         greeter = group.create_task(_greet(settings, token))
         await ending.wait()
         for task in (*keepers, greeter):
@@ -63,6 +72,25 @@ def _check_ports(settings: Settings) -> None:
                     f"The {name} cannot use {where.host}:{where.port} ({error.strerror}). "
                     f"Is another robot-acp running? End it, or choose another port with {variable}."
                 ) from None
+
+
+def _demo_domain(settings: Settings, environment: dict[str, str]) -> dict[str, str]:
+    """A ROS domain for the stand-in and the robot server alone: no other robot may take its commands for its own."""
+    told = settings.robot.ros2.domain_id
+    if told is None and not environment.get("ROS_DOMAIN_ID"):
+        told = next((domain for domain in random.sample(DEMO_DOMAINS, len(DEMO_DOMAINS)) if _is_unused(domain)), 0)
+    domain = {} if told is None else {"ROBOT_ACP_ROBOT__ROS2__DOMAIN_ID": str(told)}
+    return domain | {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+
+
+def _is_unused(domain: int) -> bool:
+    """Whether no ROS process of this machine is on a domain: its first participant's port is free (DDSI-RTPS 9.6)."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(("127.0.0.1", 7410 + 250 * domain))
+        except OSError:
+            return False
+    return True
 
 
 async def _keep(name: str, environment: dict[str, str]) -> None:
@@ -103,15 +131,21 @@ async def _end(process: asyncio.subprocess.Process) -> None:
 
 
 async def _greet(settings: Settings, token: str) -> None:
-    """Wait for the page to answer, then say where it is."""
+    """Wait for all three to answer, then say where the page is; or say which does not, once the page does."""
     base = f"http://{settings.bridge.host}:{settings.bridge.port}"
+    loop = asyncio.get_running_loop()
+    page_since: float | None = None
     async with httpx.AsyncClient(trust_env=False, timeout=1.0) as client:
         while True:
-            with contextlib.suppress(httpx.HTTPError):
-                if (await client.get(f"{base}/")).is_success:
+            with contextlib.suppress(httpx.HTTPError, ValueError):
+                health = (await client.get(f"{base}/api/health")).json()
+                page_since = page_since or loop.time()
+                missing = [name for name in ("agent", "robot") if not health[name]["up"]]
+                if not missing or loop.time() - page_since > MISSING_AFTER_S:
                     break
             await asyncio.sleep(0.05)
-    print(f"\n{settings.robot.name} is ready. Open this address in a browser:\n\n  {base}/#token={token}\n", flush=True)
+    state = "is ready" if not missing else f"is not all there: no answer from the {' and the '.join(missing)} yet"
+    print(f"\n{settings.robot.name} {state}. Open this address in a browser:\n\n  {base}/#token={token}\n", flush=True)
 
 
 def _environment(settings: Settings, config_file: Path | None) -> dict[str, str]:
@@ -121,6 +155,8 @@ def _environment(settings: Settings, config_file: Path | None) -> dict[str, str]
         "ROBOT_ACP_LOG_LEVEL": settings.log_level,
         "ROBOT_ACP_ROBOT__TIME_SCALE": str(settings.robot.time_scale),
         "ROBOT_ACP_ROBOT__WORLD": settings.robot.world,
+        "ROBOT_ACP_ROBOT__KIND": settings.robot.kind,
+        "ROBOT_ACP_ROBOT__ROS2__DEMO": str(settings.robot.ros2.demo).lower(),
         "ROBOT_ACP_AGENT__MODEL": settings.agent.model,
         "ROBOT_ACP_BRIDGE__PORT": str(settings.bridge.port),
     }

@@ -9,7 +9,7 @@ import pytest
 
 BACKEND = Path(__file__).parent.parent / "backend"
 LAYERS = ("bridge", "agent", "mcp_robot", "chat", "gateway")
-ENTRY_POINTS = {"cli.py", "up.py"}
+ENTRY_POINTS = {"cli.py", "doctor.py", "up.py"}
 
 
 def imported(file: Path) -> set[str]:

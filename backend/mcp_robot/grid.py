@@ -14,6 +14,8 @@ import numpy.typing as npt
 
 FREE = 0
 OCCUPIED = 100
+KEEP_OUT = 254
+"""Free floor inside a keep-out zone: nothing stands there, and the robot must not."""
 UNKNOWN = 255
 
 CLEARANCE_CAP = 3.0
@@ -24,8 +26,8 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class OccupancyGrid:
-    """`cells[row, column]` is FREE, OCCUPIED or UNKNOWN; `resolution` in m a cell; the lower left corner of cell
-    (0, 0) lies at (`origin_x`, `origin_y`) in the map frame, in m."""
+    """`cells[row, column]` is FREE, OCCUPIED, UNKNOWN or KEEP_OUT; `resolution` in m a cell; the lower left corner of
+    cell (0, 0) lies at (`origin_x`, `origin_y`) in the map frame, in m."""
 
     cells: npt.NDArray[np.uint8]
     resolution: float
@@ -51,7 +53,7 @@ class OccupancyGrid:
         return None
 
     def state(self, x: float, y: float) -> int | None:
-        """FREE, OCCUPIED or UNKNOWN; None outside the map."""
+        """FREE, OCCUPIED, UNKNOWN or KEEP_OUT; None outside the map."""
         cell = self.cell(x, y)
         return None if cell is None else int(self.cells[cell])
 
@@ -91,6 +93,30 @@ class OccupancyGrid:
         high = d[row + 1, column] * (1 - a) + d[row + 1, column + 1] * a
         result: Floats = np.where(inside, low * (1 - b) + high * b - self._half_diagonal, 0.0)
         return result
+
+    def with_occupied(self, points: Floats) -> OccupancyGrid:
+        """The same grid with the cells of these points, shape (n, 2), occupied; those outside the map are left out.
+
+        Its distance field is this one's with the new cells' own laid over it: exact, and much cheaper than anew.
+        """
+        column = ((points[:, 0] - self.origin_x) // self.resolution).astype(np.intp)
+        row = ((points[:, 1] - self.origin_y) // self.resolution).astype(np.intp)
+        inside = (column >= 0) & (column < self.width) & (row >= 0) & (row < self.height)
+        flat = np.unique(row[inside] * self.width + column[inside])
+        cells, distance = self.cells.copy(), self.distance.copy()
+        cells.ravel()[flat] = OCCUPIED
+        reach = int(np.ceil(CLEARANCE_CAP / self.resolution))
+        offsets = np.arange(-reach, reach + 1, dtype=np.float32) * np.float32(self.resolution)
+        around = np.hypot(offsets[:, None], offsets)
+        for r, c in zip(*np.divmod(flat, self.width), strict=True):
+            top, left = max(r - reach, 0), max(c - reach, 0)
+            window = distance[top : r + reach + 1, left : c + reach + 1]
+            stamp = around[top - r + reach :, left - c + reach :][: window.shape[0], : window.shape[1]]
+            np.minimum(window, stamp, out=window)
+        cells.flags.writeable = False
+        grid = OccupancyGrid(cells, self.resolution, self.origin_x, self.origin_y)
+        grid.__dict__["distance"] = distance  # what the cached property would compute
+        return grid
 
     @property
     def _half_diagonal(self) -> float:

@@ -1,4 +1,4 @@
-"""Between the tools and the robot: asks the safety rules, lets one motion happen at a time, and stops.
+"""Between the tools and the robot: asks the safety rules, lets one motion happen at a time, guards it, and stops.
 
 All tools act through it, so that stop, cancel and telemetry see the same state. A motion belongs to the task that waits
 for it: when that task is cancelled, whatever the reason, the robot brakes. It must never start anything by itself.
@@ -6,25 +6,33 @@ for it: when that task is cancelled, whatever the reason, the robot brakes. It m
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import logging
 import math
 import time
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Callable, Coroutine, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NoReturn
 
+import numpy as np
+
 from backend.config import Limits
 from backend.mcp_robot import safety
+from backend.mcp_robot.grid import Floats
+from backend.mcp_robot.guard import PERIOD, Guard
+from backend.mcp_robot.places import at_dock
 from backend.mcp_robot.refusal import Halted, Refusal
 from backend.mcp_robot.robot import Picture, Robot, Route, Sound
 from backend.mcp_robot.stop import StopLatch
-from backend.telemetry import Motion, Path, Place, Pose, Speech, State, Stop
+from backend.telemetry import Motion, Path, Place, Pose, Speech, State, Stop, Zone
 
 logger = logging.getLogger(__name__)
 
 STALE_AFTER = 1.0
 """Seconds on the robot's clock after which a pose is old."""
+REST_TIME = 3.0
+"""Seconds that a robot may take to come to rest before whoever it refused is answered all the same."""
 
 
 @dataclass(frozen=True)
@@ -55,16 +63,21 @@ class _Intent:
 class Pilot:
     """One robot and who may move it now."""
 
-    def __init__(self, robot: Robot, latch: StopLatch, limits: Limits) -> None:
+    def __init__(self, robot: Robot, latch: StopLatch, limits: Limits, zones: Sequence[Zone] = ()) -> None:
         self.robot = robot
+        self.limits = limits
+        self.zones = tuple(zones)
         self._latch = latch
-        self._limits = limits
+        self._motions = safety.Rate("motions", limits.max_motions_per_minute)
+        self._speeches = safety.Rate("speeches", limits.max_speeches_per_minute)
+        self._veto: Refusal | None = None  # set when the way of the motion under way became one that is refused
         self._intent: _Intent | None = None  # from a motion's first rule to its end
         self._brakings = 0  # how often brake was called: what began before one must not go on after it
         self.speaking: str | None = None  # what is being said, while it is
         self.path = Path(robot.clock(), [])  # latest planned path, replaced on change
         self.speech: Speech | None = None  # latest sentence begun, replaced on change
         self.on_change: Callable[[], None] = lambda: None  # called after path or speech changed
+        robot.hold(latch.stop is not None)
 
     @property
     def stopped(self) -> Stop | None:
@@ -92,7 +105,7 @@ class Pilot:
         safety.finite(x=goal.x, y=goal.y, yaw=goal.yaw)
         route = await self._plan(goal, final_yaw)
         if self._intent is None:  # the path that is being driven matters more
-            self._show(route, preview=True)
+            self._show(route.points, preview=True)
         return route
 
     async def navigate(self, goal: Pose, *, final_yaw: bool, place: Place | None = None) -> tuple[Route, Leg]:
@@ -102,11 +115,12 @@ class Pilot:
             brakings = self._brakings
             route = await self._plan(goal, final_yaw)
             self._not_braked_since(brakings)
-            self._show(route, preview=False)
+            self._show(route.points, preview=False)
             try:
-                return route, await self._run(self.robot.drive(route))
+                to_dock = at_dock(goal, self.robot.places)
+                return route, await self._run(self.robot.drive(route), to_dock=to_dock)
             finally:
-                self._show(None, preview=False)
+                self._show((), preview=False)
 
     async def rotate(self, degrees: float) -> Leg:
         """Turn on the spot, counter-clockwise positive; returns when done. Raises `Refusal`. Cancelling brakes."""
@@ -115,13 +129,14 @@ class Pilot:
         pose = self.robot.fix.pose
         goal = Pose(pose.x, pose.y, math.remainder(pose.yaw + math.radians(degrees), math.tau))
         with self._motion(_Intent("rotate", goal, None), None):
-            return await self._run(self.robot.turn(math.radians(degrees)))
+            return await self._run(self.robot.turn(math.radians(degrees)), to_dock=False)
 
     async def speak(self, text: str) -> Sound:
         """Say a text aloud; returns when it is said. Raises `Refusal`. Cancelling ends it."""
         safety.not_stopped(self.stopped)
-        safety.speech_fits(text, self._limits)
+        safety.speech_fits(text, self.limits)
         safety.idle("speaking already" if self.speaking else None)
+        self._speeches.take(self.robot.clock())
         self.speaking = text
         brakings = self._brakings
         try:
@@ -150,6 +165,7 @@ class Pilot:
     def stop(self, by: str) -> Stop:
         """Stop everything and latch it."""
         self.brake()  # first: nothing below may delay it
+        self.robot.hold(True)
         stop = self._latch.set(by, time.time())
         logger.warning("Stop by %s (latched by %s).", by, stop.by)
         return stop
@@ -159,24 +175,63 @@ class Pilot:
         if self._latch.stop:
             logger.warning("Stop of %s released by %s.", self._latch.stop.by, by)
         self._latch.release()
+        self.robot.hold(False)
+
+    def rerouted(self, points: Floats) -> None:
+        """The robot took another way, shape (n, 2), for the drive under way: held to the same rules, and shown."""
+        try:
+            self._check_path(points)
+        except Refusal as refusal:
+            self._veto = refusal
+            self.robot.halt()
+        else:
+            self._show(points.tolist(), preview=False)
 
     async def _plan(self, goal: Pose, final_yaw: bool) -> Route:
-        safety.goal_is_free(self.robot.grid, goal, self.robot.footprint_radius)
-        return await self.robot.plan(goal, final_yaw=final_yaw)
+        robot = self.robot
+        safety.goal_keeps_out(self.zones, robot.grid, goal, robot.footprint_radius)
+        safety.goal_is_free(robot.grid, goal, robot.footprint_radius)
+        route = await robot.plan(goal, final_yaw=final_yaw)
+        self._check_path(np.array(route.points))
+        return route
 
-    async def _run(self, motion: Coroutine[Any, Any, None]) -> Leg:
+    def _check_path(self, points: Floats) -> None:
+        safety.path_is_free(self.robot.grid, self.zones, points, self.robot.footprint_radius)
+
+    async def _run(self, motion: Coroutine[Any, Any, None], *, to_dock: bool) -> Leg:
         robot = self.robot
         began, driven = robot.clock(), robot.odometer
-        await motion
+        guard = Guard(robot, self.zones, self.limits, to_dock=to_dock)
+        moving = asyncio.ensure_future(motion)
+        try:
+            while not moving.done():
+                guard.look()
+                await asyncio.wait({moving}, timeout=PERIOD)
+        except BaseException as reason:
+            robot.halt()
+            await self._rest(moving, reason)
+            raise
+        if self._veto and moving.exception():
+            raise self._veto from moving.exception()
+        moving.result()
         return Leg(robot.fix.pose, robot.odometer - driven, robot.clock() - began)
+
+    async def _rest(self, moving: asyncio.Future[None], reason: BaseException) -> None:
+        """Let a motion that was told to halt end: whoever was refused hears of it at rest."""
+        if isinstance(reason, Refusal):
+            logger.warning("The guard halted the robot: %s", reason)
+            await asyncio.wait({moving}, timeout=REST_TIME)
+        moving.cancel()
+        await asyncio.gather(moving, return_exceptions=True)
 
     @contextlib.contextmanager
     def _motion(self, intent: _Intent, goal: Pose | None) -> Iterator[None]:
         """The rules that every motion has to pass, and the promise that it does not outlive this block."""
         safety.not_stopped(self.stopped)
         safety.idle(self._intent.activity if self._intent else None)
-        safety.battery_suffices(self.robot.battery, goal, self.robot.places, self._limits)
-        self._intent = intent
+        safety.battery_suffices(self.robot.battery, goal, self.robot.places, self.limits)
+        self._motions.take(self.robot.clock())
+        self._intent, self._veto = intent, None
         arrived = False
         try:
             yield
@@ -198,6 +253,6 @@ class Pilot:
         safety.not_stopped(self.stopped)
         raise Refusal("stopped", "The robot was halted before it was done.")
 
-    def _show(self, route: Route | None, *, preview: bool) -> None:
-        self.path = Path(self.robot.clock(), list(route.points) if route else [], preview)
+    def _show(self, points: Sequence[tuple[float, float]], *, preview: bool) -> None:
+        self.path = Path(self.robot.clock(), [(x, y) for x, y in points], preview)
         self.on_change()

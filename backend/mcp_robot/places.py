@@ -28,6 +28,8 @@ def resolve(name: str, places: TopologicalMap) -> Place:
     if len(partial) == 1 and len(wanted) >= 3:  # "2.3.7" for "lab 2.3.7"
         return partial[0]
     shown = name.strip()[:60] or "(no name)"
+    if not places.places:
+        raise Refusal("unknown_place", "This map names no places. Drive to a pose, in m on the map, instead.")
     known = ", ".join(place.name for place in _nearest_names(wanted, places)[:_LISTED])
     raise Refusal("unknown_place", f"No place called {shown}. Known places: {known}.")
 

@@ -1,6 +1,8 @@
-"""Progress of a motion, told to the client that asked for it, at most twice a second of wall time.
+"""What goes on beside a call that acts: progress is told to its client, at most twice a second of wall time, and its
+client has to be there.
 
-Also ends the motion when that client's HTTP connection is gone: older protocol versions do not cancel a call by that.
+When the HTTP connection is gone, or the watchdog hears nothing of the client, the call ends, and its motion with it:
+older protocol versions do not cancel a call by that.
 """
 
 from __future__ import annotations
@@ -12,6 +14,8 @@ from collections.abc import AsyncIterator
 
 from mcp.server.mcpserver import Context
 
+from backend.config import Limits
+from backend.mcp_robot import watchdog
 from backend.mcp_robot.access import CLIENT_GONE
 from backend.mcp_robot.pilot import Pilot
 from backend.mcp_robot.refusal import Refusal
@@ -28,11 +32,14 @@ class ClientGone(Refusal):
 
 
 @contextlib.asynccontextmanager
-async def accompanied(context: Context, moving: Pilot | None = None) -> AsyncIterator[None]:
-    """Report the motion of `moving` while inside; leaves early, by an exception, when the client is gone."""
+async def accompanied(
+    context: Context, callers: watchdog.Callers, limits: Limits, moving: Pilot | None = None
+) -> AsyncIterator[None]:
+    """Report the motion of `moving` while inside; leaves early, by an exception, when the client is gone or silent."""
+    watchdog.admit(context, limits)
     try:
         async with asyncio.TaskGroup() as group:
-            tasks = [group.create_task(_watch(context))]
+            tasks = [group.create_task(_watch(context)), group.create_task(watchdog.watch(context, callers, limits))]
             if moving:
                 tasks.append(group.create_task(_report(context, moving)))
             yield

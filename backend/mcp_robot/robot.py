@@ -35,6 +35,10 @@ class Fix:
     source: str
 
 
+NOWHERE = Fix(Pose(0.0, 0.0, 0.0), 0.0, "unknown")
+"""The fix of a robot that has never known where it is."""
+
+
 @dataclass(frozen=True)
 class Route:
     """A way to a goal: points in the map frame from the robot to the goal, its `length` in m and how long it will
@@ -91,7 +95,7 @@ class Robot(Protocol):
 
     @property
     def fix(self) -> Fix:
-        """Where it is."""
+        """Where it is; `NOWHERE` until it knows."""
 
     @property
     def twist(self) -> Twist:
@@ -103,7 +107,7 @@ class Robot(Protocol):
 
     @property
     def grid(self) -> OccupancyGrid:
-        """The map that it moves in."""
+        """The map that it moves in. Raises `Refusal` (no_map) while there is none."""
 
     @property
     def places(self) -> TopologicalMap:
@@ -136,14 +140,17 @@ class Robot(Protocol):
         """Brake at once, as hard as the limits allow. Returns immediately and cannot fail; `drive` and `turn` end
         with `Halted` once the robot is at rest."""
 
+    def hold(self, held: bool) -> None:
+        """While held, keep it at rest, against other commanders too where there are any. Returns immediately."""
+
     async def photo(self) -> Picture:
-        """What the camera sees."""
+        """What the camera sees. Raises `Refusal` (no_camera)."""
 
     async def synthesize(self, text: str) -> Sound:
         """The sound of a text; says nothing yet."""
 
     async def say(self, text: str, sound: Sound) -> None:
-        """Say it aloud; returns when it is said. Raises `Halted` after `hush`."""
+        """Say it aloud; returns when it is said. Raises `Halted` after `hush`, or `Refusal` (no_voice)."""
 
     def hush(self) -> None:
         """Stop speaking at once."""

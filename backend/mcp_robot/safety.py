@@ -1,24 +1,31 @@
-"""The safety layer: rules between a tool and the robot. Deterministic, and they trust nobody.
+"""The safety layer, before a motion: rules between a tool and the robot. Deterministic, and they trust nobody.
 
 Each rule is a plain function that returns nothing or raises `Refusal`; none of them knows a tool, a socket or a clock.
-Speed limits and the protective stop are the robot's own; these rules decide what may begin at all.
+These decide what may begin at all; those of `guard` look at the robot all the time while it moves.
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 
 from backend.config import Limits
-from backend.mcp_robot.grid import FREE, OCCUPIED, OccupancyGrid
+from backend.mcp_robot import keep_out
+from backend.mcp_robot.grid import FREE, OCCUPIED, Floats, OccupancyGrid
 from backend.mcp_robot.places import at_dock
 from backend.mcp_robot.refusal import Refusal
 from backend.mcp_robot.robot import TopologicalMap
-from backend.telemetry import Battery, Pose, Stop
+from backend.telemetry import Battery, Pose, Stop, Zone
 
 GOAL_MARGIN = 0.05
 """Free space in m that a goal needs around the footprint."""
+PATH_MARGIN = 0.05
+"""How much nearer (m) to a wall than its footprint a planned path may pass: about what a map's cells leave open."""
+LET_OUT = 0.6
+"""The first so many m of a path may be as tight as where the robot stands already."""
 MAX_TURN_DEGREES = 3600.0
 
 
@@ -46,10 +53,7 @@ def goal_is_free(grid: OccupancyGrid, goal: Pose, footprint_radius: float) -> No
     where = f"({goal.x:.1f}, {goal.y:.1f})"
     state = grid.state(goal.x, goal.y)
     if state is None:
-        x0, y0 = grid.origin_x, grid.origin_y
-        x1, y1 = x0 + grid.width * grid.resolution, y0 + grid.height * grid.resolution
-        extent = f"x from {x0:.1f} to {x1:.1f}, y from {y0:.1f} to {y1:.1f}"
-        raise Refusal("outside_map", f"The goal {where} is outside the map ({extent}).")
+        raise Refusal("outside_map", f"The goal {where} is outside the map ({_extent(grid)}).")
     needed = footprint_radius + GOAL_MARGIN
     if grid.clearance(goal.x, goal.y) >= needed:
         return
@@ -61,6 +65,47 @@ def goal_is_free(grid: OccupancyGrid, goal: Pose, footprint_radius: float) -> No
     raise Refusal(
         "occupied", f"The goal {where} is too close to a wall: the robot needs {needed:.2f} m around it. {advice}"
     )
+
+
+def goal_keeps_out(zones: Sequence[Zone], grid: OccupancyGrid, goal: Pose, footprint_radius: float) -> None:
+    """The footprint at the goal touches no keep-out zone, nor any cell that one touches."""
+    near = keep_out.nearest(zones, goal.x, goal.y)
+    needed = footprint_radius + GOAL_MARGIN + 2 * grid.resolution
+    if near and near[0] < needed:
+        advice = _advice(keep_out.applied(grid, zones), goal, footprint_radius + GOAL_MARGIN)
+        where = f"({goal.x:.1f}, {goal.y:.1f})"
+        how = "in" if near[0] <= 0 else "too close to"
+        raise Refusal("keep_out", f"The goal {where} is {how} the keep-out zone {near[1].name}. {advice}")
+
+
+def path_is_free(grid: OccupancyGrid, zones: Sequence[Zone], points: Floats, footprint_radius: float) -> None:
+    """The footprint fits everywhere along a planned path, shape (n, 2): on the map, beside walls, off the zones.
+
+    A robot that stands too near to something already is let out: for the first metres it need only not get nearer.
+    """
+    way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    first = way <= LET_OUT
+    room = grid.clearances(points)
+    needed = footprint_radius - PATH_MARGIN
+    tight = room < np.where(first, min(needed, float(room[0]) - PATH_MARGIN), needed)
+    if tight.any():
+        x, y = points[int(np.argmax(tight))]
+        if grid.state(x, y) is None:
+            raise Refusal("outside_map", f"The way leads off the map at ({x:.1f}, {y:.1f}). Choose another goal.")
+        raise Refusal("occupied", f"The way is too tight at ({x:.1f}, {y:.1f}). Choose another goal.")
+    apart = keep_out.distances(zones, points)
+    inside = apart < np.where(first, min(footprint_radius, float(apart[0]) - PATH_MARGIN), footprint_radius)
+    if inside.any():
+        x, y = points[int(np.argmax(inside))]
+        near = keep_out.nearest(zones, x, y)
+        name = near[1].name if near else ""
+        raise Refusal("keep_out", f"The way leads through the keep-out zone {name} at ({x:.1f}, {y:.1f}).")
+
+
+def _extent(grid: OccupancyGrid) -> str:
+    x0, y0 = grid.origin_x, grid.origin_y
+    x1, y1 = x0 + grid.width * grid.resolution, y0 + grid.height * grid.resolution
+    return f"x from {x0:.1f} to {x1:.1f}, y from {y0:.1f} to {y1:.1f}"
 
 
 def _advice(grid: OccupancyGrid, goal: Pose, needed: float, reach: float = 2.0) -> str:
@@ -81,10 +126,14 @@ def battery_suffices(battery: Battery, goal: Pose | None, places: TopologicalMap
         return
     if goal and at_dock(goal, places):
         return
-    names = " or ".join(place.name for place in places.places if place.kind == "docking")
-    where = f" Send it to the {names} first." if names else " It has to be charged first."
     percent = f"{battery.level:.0%}, below {limits.battery_floor:.0%}"
-    raise Refusal("battery_low", f"The battery is at {percent}.{where}")
+    raise Refusal("battery_low", f"The battery is at {percent}.{where_to_charge(places)}")
+
+
+def where_to_charge(places: TopologicalMap) -> str:
+    """A sentence on what to do with an empty battery."""
+    names = " or ".join(place.name for place in places.places if place.kind == "docking")
+    return f" Send it to the {names} first." if names else " It has to be charged first."
 
 
 def turn_fits(degrees: float) -> None:
@@ -101,3 +150,24 @@ def speech_fits(text: str, limits: Limits) -> None:
         raise Refusal(
             "too_long", f"The text has {len(text)} characters; {limits.max_speech_chars} are the most at once."
         )
+
+
+class Rate:
+    """Not more than `most` of something within any minute; `what` names them, as "motions". Time is passed in."""
+
+    def __init__(self, what: str, most: int) -> None:
+        self._what = what
+        self._most = most
+        self._begun: deque[float] = deque(maxlen=most)  # when each of the last ones began
+
+    def take(self, now: float) -> None:
+        """One more begins now (s). Raises `Refusal`."""
+        oldest = self._begun[0] if len(self._begun) == self._most else -math.inf
+        left = oldest + 60.0 - now
+        if 0.0 < left <= 60.0:  # more than that: the clock was set back
+            raise Refusal(
+                "too_often",
+                f"{self._most} {self._what} were begun within a minute, the most that is allowed. "
+                f"Ask again in {math.ceil(left)} s.",
+            )
+        self._begun.append(now)

@@ -15,14 +15,12 @@ from collections.abc import Callable
 import uvicorn
 from starlette.applications import Starlette
 
-from backend import identity
+from backend import config, identity
 from backend.config import Settings
+from backend.mcp_robot import robots, tools
 from backend.mcp_robot import stdio as stdio_transport
-from backend.mcp_robot import tools
 from backend.mcp_robot.app import create_app
 from backend.mcp_robot.pilot import Pilot
-from backend.mcp_robot.simulator import world
-from backend.mcp_robot.simulator.simulated_robot import SimulatedRobot
 from backend.mcp_robot.stop import StopLatch
 
 logger = logging.getLogger(__name__)
@@ -36,21 +34,16 @@ GRACE = 2
 async def serve(settings: Settings, *, stdio: bool = False, on_ready: Callable[[int], None] | None = None) -> None:
     """Run the robot server until cancelled, signalled, or, with `stdio`, until standard input ends.
 
-    `on_ready` is called with the port once it answers. Raises `WorldError` for a world that cannot be used and
-    `OSError` for an address that cannot be had.
+    `on_ready` is called with the port once it answers. Raises `WorldError` for a world that cannot be used,
+    `Ros2Missing` where ROS 2 cannot be used, and `OSError` for an address that cannot be had.
     """
     robot_settings = settings.robot
-    robot = SimulatedRobot(
-        world.load(robot_settings.world),
-        robot_settings.limits,
-        name=robot_settings.name,
-        time_scale=robot_settings.time_scale,
-        seed=robot_settings.seed,
-    )
-    pilot = Pilot(robot, StopLatch(settings.data_dir), robot_settings.limits)
+    robot, zones = robots.build(settings)
+    pilot = Pilot(robot, StopLatch(settings.data_dir), robot_settings.limits, zones)
+    robot.on_reroute = pilot.rerouted
     mcp = tools.build(pilot)
     token = identity.shared_secret(settings.data_dir, identity.ROBOT_TOKEN)
-    with contextlib.closing(_listen(robot_settings.host, robot_settings.port)) as listener:
+    with contextlib.closing(_listen(robot_settings)) as listener:
         http = _Http(create_app(pilot, mcp, token, robot_settings.host), pilot, on_ready)
         async with robot.running():
             serving = asyncio.create_task(http.serve(sockets=[listener]), name="http")
@@ -101,16 +94,35 @@ class _Http(uvicorn.Server):
         await super().shutdown(sockets)
 
 
-def _listen(host: str, port: int) -> socket.socket:
+def _listen(settings: config.Robot) -> socket.socket:
+    host, port = settings.host, settings.port
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     # With the protocol named: asyncio sets TCP_NODELAY only then, and without it every answer waits 40 ms for an ACK.
     listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     try:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+        _notice_loss(listener, settings.limits.client_silence)
         listener.bind((host, port))
         listener.listen(128)
     except OSError:
         listener.close()
         raise
     return listener
+
+
+def _notice_loss(listener: socket.socket, seconds: float) -> None:
+    """Let the kernel break a connection whose other machine is gone, after about so many seconds.
+
+    Accepted connections inherit this. Without it a pulled cable is noticed after a quarter of an hour, or never.
+    """
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for name, value in (
+        ("TCP_KEEPIDLE", 1),
+        ("TCP_KEEPINTVL", 1),
+        ("TCP_KEEPCNT", max(1, round(seconds) - 1)),
+        ("TCP_USER_TIMEOUT", round(1000 * seconds)),
+    ):
+        option = getattr(socket, name, None)  # not every system has all of them
+        if option is not None:
+            listener.setsockopt(socket.IPPROTO_TCP, option, value)

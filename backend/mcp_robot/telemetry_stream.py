@@ -14,15 +14,19 @@ from collections.abc import Awaitable, Callable
 from weakref import WeakSet
 
 import msgspec
+import numpy as np
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from backend import telemetry
+from backend.mcp_robot.grid import FREE, KEEP_OUT, OccupancyGrid
 from backend.mcp_robot.pilot import Pilot
-from backend.mcp_robot.robot import Robot
+from backend.mcp_robot.refusal import Refusal
 from backend.telemetry import CHANNELS, Channel, Hello, Map, Path, Speech, Subscribe
 
 MAX_RATE = 60.0
 MIN_RATE = 0.1
+MAP_EVERY = 1.0
+"""Seconds between looks for another map, where nothing else is to be sent."""
 
 Send = Callable[[bytes], Awaitable[None]]
 
@@ -33,17 +37,27 @@ class TelemetryStream:
     def __init__(self, pilot: Pilot) -> None:
         self._pilot = pilot
         self._readers: WeakSet[_Reader] = WeakSet()
-        self._map = telemetry.encode(map_message(pilot.robot))  # encoded once: it is large and does not change
+        self._map: tuple[OccupancyGrid, bytes] | None = None  # the grid encoded last: it is large and seldom changes
         pilot.on_change = self._changed
 
     def _changed(self) -> None:
         for reader in self._readers:
             reader.wake.set()
 
+    def _encoded_map(self) -> tuple[OccupancyGrid, bytes] | None:
+        """The map, encoded; None while the robot has none."""
+        try:
+            grid = self._pilot.robot.grid
+        except Refusal:
+            return None
+        if self._map is None or self._map[0] is not grid:
+            self._map = grid, telemetry.encode(map_message(self._pilot))
+        return self._map
+
     async def serve(self, websocket: WebSocket) -> None:
         """One reader's connection, from its acceptance to its end."""
         await websocket.accept()
-        reader = _Reader(self._pilot, self._map, websocket.send_bytes)
+        reader = _Reader(self._pilot, self._encoded_map, websocket.send_bytes)
         self._readers.add(reader)
         with contextlib.suppress(WebSocketDisconnect, msgspec.MsgspecError):
             await websocket.send_bytes(
@@ -66,14 +80,14 @@ class TelemetryStream:
 class _Reader:
     """What one reader asked for and has been sent."""
 
-    def __init__(self, pilot: Pilot, encoded_map: bytes, send: Send) -> None:
+    def __init__(self, pilot: Pilot, encoded_map: Callable[[], tuple[OccupancyGrid, bytes] | None], send: Send) -> None:
         self._pilot = pilot
         self._encoded_map = encoded_map
         self._send = send
         self._channels: frozenset[Channel] = frozenset()  # replaced by subscribe
         self._interval = 1.0  # wall seconds between states, replaced by subscribe
         self._due = 0.0  # monotonic time of the next state
-        self._map_due = False  # set by subscribe
+        self._grid: OccupancyGrid | None = None  # the map sent last
         self._path: Path | None = None  # the one sent last
         self._speech: Speech | None = pilot.speech  # likewise; what was said before is over
         self.wake = asyncio.Event()  # set when there may be something to send before the next state
@@ -84,7 +98,7 @@ class _Reader:
         rate = MIN_RATE if math.isnan(asked.rate) else asked.rate
         self._interval = 1.0 / min(max(rate, MIN_RATE), MAX_RATE)
         self._due = 0.0
-        self._map_due = "map" in self._channels
+        self._grid = None
         self._path = None
         self.wake.set()
 
@@ -97,15 +111,15 @@ class _Reader:
             if streaming and time.monotonic() >= self._due:
                 self._due = max(self._due + self._interval, time.monotonic())  # what was missed is not made up for
                 await self._send_latest()
-            pause = max(0.0, self._due - time.monotonic()) if streaming else None
+            pause = max(0.0, self._due - time.monotonic()) if streaming else MAP_EVERY
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(pause):
                     await self.wake.wait()
 
     async def _send_changes(self) -> None:
-        if self._map_due:
-            self._map_due = False
-            await self._send(self._encoded_map)
+        if "map" in self._channels and (latest := self._encoded_map()) and latest[0] is not self._grid:
+            self._grid, frame = latest
+            await self._send(frame)
         if "path" in self._channels and self._path is not self._pilot.path:
             self._path = self._pilot.path
             await self._send(telemetry.encode(self._path))
@@ -121,10 +135,12 @@ class _Reader:
             await self._send(telemetry.encode(self._pilot.robot.scan()))
 
 
-def map_message(robot: Robot) -> Map:
-    """The robot's map and places as telemetry."""
+def map_message(pilot: Pilot) -> Map:
+    """The robot's map, places and keep-out zones as telemetry."""
+    robot = pilot.robot
     grid = robot.grid
+    cells = np.where(grid.cells == KEEP_OUT, np.uint8(FREE), grid.cells)
     return Map(
         grid.resolution, grid.width, grid.height, grid.origin_x, grid.origin_y,
-        grid.cells.tobytes(), list(robot.places.places),
+        cells.tobytes(), list(robot.places.places), list(pilot.zones),
     )  # fmt: skip

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import base64
 import logging
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 from mcp.server.lowlevel import Server
 from mcp.server.mcpserver import Context, MCPServer
 from mcp.server.mcpserver.exceptions import ToolError
+from mcp.server.mcpserver.utilities.func_metadata import ArgModelBase
 from mcp_types import (
     AudioContent,
     CallToolResult,
@@ -21,13 +22,14 @@ from mcp_types import (
     TextContent,
     ToolAnnotations,
 )
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
 from backend import __version__, telemetry
-from backend.mcp_robot import places, results
+from backend.mcp_robot import places, results, watchdog
 from backend.mcp_robot.pilot import STALE_AFTER, Pilot
 from backend.mcp_robot.progress import accompanied
 from backend.mcp_robot.refusal import Refusal
+from backend.mcp_robot.robot import NOWHERE
 
 TITLE = "robot-acp/title"
 """`_meta` key: a Python format string over the arguments, the title of one call of the tool."""
@@ -47,7 +49,12 @@ do."""
 
 
 class RobotServer(MCPServer[Any]):
-    """An MCP server whose tool errors are sentences: a refusal's own, and one for wrong arguments."""
+    """An MCP server whose arguments have to fit the published schema to the letter, and whose tool errors are
+    sentences: a refusal's own, and one for wrong arguments."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.callers = watchdog.Callers()
 
     @property
     def core(self) -> Server[Any]:
@@ -58,6 +65,9 @@ class RobotServer(MCPServer[Any]):
         self, name: str, arguments: dict[str, Any], context: Context[Any, Any] | None = None
     ) -> CallToolResult | InputRequiredResult:
         """Call a tool; what the robot refuses is a result, not an exception."""
+        name_of_caller = watchdog.caller(context.request_context.meta) if context else None
+        if name_of_caller:
+            self.callers.hear(name_of_caller)
         try:
             return await super().call_tool(name, arguments, context)
         except ToolError as error:
@@ -71,6 +81,16 @@ class RobotServer(MCPServer[Any]):
                 structured_content={"error": {"code": cause.code, "message": cause.sentence}},
                 is_error=True,
             )
+
+    def hold_to_schemas(self) -> None:
+        """From here on, arguments are what the tools' schemas say: no text for a number, no flag for one, no others."""
+        for tool in self._tool_manager.list_tools():
+            strict = ConfigDict(strict=True, extra="forbid", title=tool.fn_metadata.arg_model.__name__)
+            model = cast("type[ArgModelBase]", create_model(tool.name, __base__=tool.fn_metadata.arg_model))
+            model.model_config.update(strict)
+            model.model_rebuild(force=True)
+            tool.fn_metadata.arg_model = model
+            tool.parameters = model.model_json_schema(by_alias=True)
 
 
 def _complaint(error: ValidationError) -> str:
@@ -90,6 +110,7 @@ def build(pilot: Pilot) -> RobotServer:
     _add_looking(server, pilot)
     _add_moving(server, pilot)
     _add_speaking(server, pilot)
+    server.hold_to_schemas()
     logging.getLogger("mcp").setLevel(logging.WARNING)
     return server
 
@@ -111,6 +132,8 @@ def _add_looking(server: RobotServer, pilot: Pilot) -> None:
     async def get_current_pose() -> results.CurrentPose:
         """Where the robot is in the map frame, and which named place is nearest."""
         fix = robot.fix
+        if fix is NOWHERE:
+            raise Refusal("lost", "The robot does not know where it is. Set its initial pose, then ask again.")
         near = places.nearest(fix.pose, robot.places)
         return results.CurrentPose(
             **results.Pose.of(fix.pose).model_dump(),
@@ -141,7 +164,14 @@ def _add_looking(server: RobotServer, pilot: Pilot) -> None:
         return _with_text(facts, image)
 
 
+def _sign_of_life(pilot: Pilot) -> dict[str, Any]:
+    """What a client is told of the watchdog, in the `_meta` of tools that act."""
+    return {watchdog.SIGN: {"within": pilot.limits.client_silence, "tool": "get_robot_status"}}
+
+
 def _add_moving(server: RobotServer, pilot: Pilot) -> None:
+    sign = _sign_of_life(pilot)
+
     async def go(
         context: Context, goal: telemetry.Pose, final_yaw: bool, place: telemetry.Place | None, plan_only: bool
     ) -> results.Navigation:
@@ -151,7 +181,7 @@ def _add_moving(server: RobotServer, pilot: Pilot) -> None:
             route = await pilot.plan(goal, final_yaw=final_yaw)
             pose, distance, seconds = robot.fix.pose, 0.0, 0.0
         else:
-            async with accompanied(context, moving=pilot):
+            async with accompanied(context, server.callers, pilot.limits, moving=pilot):
                 route, leg = await pilot.navigate(goal, final_yaw=final_yaw, place=place)
             pose, distance, seconds = leg.pose, leg.distance, leg.seconds
         return results.Navigation(
@@ -165,7 +195,7 @@ def _add_moving(server: RobotServer, pilot: Pilot) -> None:
             plan_only=plan_only,
         )
 
-    @server.tool(title="Drive to a pose", annotations=GO, meta={TITLE: "Drive to ({x}, {y})"})
+    @server.tool(title="Drive to a pose", annotations=GO, meta={TITLE: "Drive to ({x}, {y})", **sign})
     async def navigate_to_pose(
         ctx: Context,
         x: Annotated[float, Field(description="m in the map frame")],
@@ -176,7 +206,7 @@ def _add_moving(server: RobotServer, pilot: Pilot) -> None:
         """Drive to a point of the map, around walls and furniture; returns when the robot is there."""
         return await go(ctx, telemetry.Pose(x, y, yaw or 0.0), yaw is not None, None, plan_only)
 
-    @server.tool(title="Drive to a place", annotations=GO, meta={TITLE: "Drive to {place}"})
+    @server.tool(title="Drive to a place", annotations=GO, meta={TITLE: "Drive to {place}", **sign})
     async def navigate_to_place(
         ctx: Context,
         place: Annotated[str, Field(description="id or name from get_topological_map", max_length=200)],
@@ -186,13 +216,13 @@ def _add_moving(server: RobotServer, pilot: Pilot) -> None:
         found = places.resolve(place, pilot.robot.places)
         return await go(ctx, found.pose, True, found, plan_only)
 
-    @server.tool(title="Turn on the spot", annotations=ACT, meta={TITLE: "Turn by {degrees}°"})
+    @server.tool(title="Turn on the spot", annotations=ACT, meta={TITLE: "Turn by {degrees}°", **sign})
     async def rotate_in_place(
         ctx: Context,
         degrees: Annotated[float, Field(description="positive is counter-clockwise, to the left")],
     ) -> results.Rotation:
         """Turn the robot on the spot; returns when it has turned."""
-        async with accompanied(ctx, moving=pilot):
+        async with accompanied(ctx, server.callers, pilot.limits, moving=pilot):
             leg = await pilot.rotate(degrees)
         return results.Rotation(
             reached=True, degrees=degrees, pose=results.Pose.of(leg.pose), duration_s=round(leg.seconds, 2)
@@ -200,12 +230,14 @@ def _add_moving(server: RobotServer, pilot: Pilot) -> None:
 
 
 def _add_speaking(server: RobotServer, pilot: Pilot) -> None:
-    @server.tool(title="Say something aloud", annotations=ACT, meta={TITLE: "Say aloud: “{text}”"})
+    sign = _sign_of_life(pilot)
+
+    @server.tool(title="Say something aloud", annotations=ACT, meta={TITLE: "Say aloud: “{text}”", **sign})
     async def speak(
         ctx: Context, text: Annotated[str, Field(description="what to say, in plain words")]
     ) -> Annotated[CallToolResult, results.Spoken]:
         """Say a text aloud through the robot's loudspeaker; returns when it is said."""
-        async with accompanied(ctx):
+        async with accompanied(ctx, server.callers, pilot.limits):
             sound = await pilot.speak(text)
         facts = results.Spoken(text=text, seconds=round(sound.seconds, 2), audible=sound.audible)
         audio = AudioContent(type="audio", data=base64.b64encode(sound.wav).decode(), mime_type="audio/wav")

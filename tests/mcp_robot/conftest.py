@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,8 +20,10 @@ from backend import config, identity, telemetry
 from backend.mcp_robot import server
 from backend.mcp_robot.simulator import world as worlds
 from backend.mcp_robot.simulator.world import World
+from tests.ros2_robots import StandIns, needs_ros2
 
 TIME_LIMIT = 20.0
+DOCK = telemetry.Pose(0.9, 3.1, 0.0)
 
 
 @dataclass
@@ -91,8 +93,63 @@ class Reader:
         return found
 
 
+CONTRACT = {"test_tools", "test_stop", "test_telemetry_stream"}
+"""Modules whose tests hold for any robot: they are run against each, unchanged."""
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    if metafunc.module.__name__.rpartition(".")[2] in CONTRACT:
+        ros2 = pytest.param("ros2", marks=needs_ros2)
+        metafunc.parametrize("kind", ["simulator", ros2], indirect=True)
+
+
+_stand_ins: StandIns | None = None  # set while a test is about the ROS 2 robot
+
+
+@pytest.fixture(scope="session")
+def stand_ins(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[StandIns]:
+    assert request.config.cache is not None
+    stand_ins = StandIns(tmp_path_factory.mktemp("stand-ins"), request.config.cache)
+    yield stand_ins
+    stand_ins.close()
+
+
+@pytest.fixture(autouse=True)
+def kind(request: pytest.FixtureRequest) -> Iterator[str]:
+    """Which robot `serving` serves in this test."""
+    global _stand_ins
+    kind = getattr(request, "param", "simulator")
+    _stand_ins = request.getfixturevalue("stand_ins") if kind == "ros2" else None
+    yield kind
+    _stand_ins = None
+
+
 @contextlib.asynccontextmanager
 async def serving(data_dir: Path, **robot: Any) -> AsyncIterator[Served]:
+    """Serve a robot while inside, of the kind that the test is about."""
+    if _stand_ins is None:
+        async with served(data_dir, **robot) as answering:
+            yield answering
+        return
+    _stand_ins.share(data_dir)
+    with _stand_ins.one("--time-scale", str(robot.get("time_scale", 20.0))) as stand_in:
+        async with served(
+            data_dir, kind="ros2", ros2={"demo": True, "domain_id": stand_in.domain}, **robot
+        ) as answering:
+            yield answering
+            stand_in.untouched = "time_scale" not in robot and await _is_as_new(answering)
+
+
+async def _is_as_new(robot: Served) -> bool:
+    """Whether another test may find the robot as this one leaves it: at its dock, at rest and not stopped."""
+    async with robot.telemetry("state") as reader:
+        state = await reader.state()
+    at_rest = state.twist == telemetry.Twist(0.0, 0.0) and not (state.motion or state.speaking or state.stop)
+    return at_rest and state.pose == DOCK and state.battery.level < 0.97
+
+
+@contextlib.asynccontextmanager
+async def served(data_dir: Path, **robot: Any) -> AsyncIterator[Served]:
     """Run `serve` in this process while inside."""
     settings = config.Settings(data_dir=data_dir, robot=config.Robot(**{"port": 0, "time_scale": 20.0, **robot}))
     ready: asyncio.Future[int] = asyncio.get_running_loop().create_future()

@@ -9,7 +9,8 @@ import pytest
 
 from backend.config import Limits
 from backend.mcp_robot.simulator import follower, planner
-from backend.mcp_robot.simulator.simulation import FOOTPRINT_RADIUS, STEP, Drive, Simulation, Turn
+from backend.mcp_robot.simulator.motions import Drive, Turn
+from backend.mcp_robot.simulator.simulation import FOOTPRINT_RADIUS, MAX_REROUTES, STEP, Simulation
 from backend.mcp_robot.simulator.world import World
 from backend.telemetry import Pose, Twist
 
@@ -131,7 +132,7 @@ def test_whatever_the_path_says_the_robot_stops_before_a_wall_and_gives_up(offic
     limits = Limits(max_speed=3.0, max_acceleration=3.0)
     simulation = Simulation(office, limits)
     path = np.linspace((0.9, 3.1), (12.0, 3.1), 200)  # straight through the wall at x = 5.6
-    drive = Drive(follower.track(path, Pose(12.0, 3.1, 0.0), False, limits))
+    drive = Drive(follower.track(path, Pose(12.0, 3.1, 0.0), False, limits), rerouted=MAX_REROUTES)
     simulation.begin(drive)
     while drive.outcome == "running":
         step_within_limits(simulation, limits, braking=True)  # the protective stop brakes harder than driving
@@ -214,3 +215,19 @@ def test_from_the_stopping_speed_it_stops_within_the_distance(distance: float) -
         way += twist.linear * STEP
         twist = follower.limited(twist, Twist(0.0, 0.0), limits, STEP)
     assert way <= distance + 2.0 * STEP**2 / 8  # a share of one step: it cannot be hit more exactly
+
+
+@pytest.mark.parametrize("turn", [-1.5, 0.0, 0.4])
+@pytest.mark.parametrize("braking", [0.5, 4.0])
+def test_the_way_to_rest_that_it_reckons_with_is_the_one_that_it_goes(
+    office: World, braking: float, turn: float
+) -> None:
+    simulation = Simulation(office, Limits(max_speed=1.5, max_turn_rate=2.0, braking=braking))
+    simulation.pose, simulation.twist = Pose(12.0, 7.0, 0.3), Twist(0.6, turn)
+    reckoned = list(simulation._way_to_rest(simulation.twist))
+    simulation.pose = reckoned[0]  # after the time of its reaction
+    simulation.halt()
+    while not simulation.at_rest:
+        simulation.step()
+    there = reckoned[-2]  # before the margin
+    assert math.hypot(simulation.pose.x - there.x, simulation.pose.y - there.y) < 0.02

@@ -6,6 +6,7 @@ import pytest
 
 from backend.mcp_robot import places
 from backend.mcp_robot.refusal import Refusal
+from backend.mcp_robot.robot import TopologicalMap
 from backend.mcp_robot.simulator.world import World
 from backend.telemetry import Pose
 
@@ -36,3 +37,8 @@ def test_the_nearest_place_is_told_with_its_distance(office: World) -> None:
     assert found is not None
     assert found[0].name == "kitchen"
     assert found[1] == pytest.approx(0.5)
+
+
+def test_where_no_place_has_a_name_another_way_to_drive_is_named() -> None:
+    with pytest.raises(Refusal, match=r"^unknown_place: This map names no places. Drive to a pose"):
+        places.resolve("kitchen", TopologicalMap("map", (), ()))

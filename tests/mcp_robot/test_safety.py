@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
 from backend.config import Limits
-from backend.mcp_robot import safety
+from backend.mcp_robot import refusal, safety
 from backend.mcp_robot.refusal import Refusal
 from backend.mcp_robot.simulator.world import World
 from backend.mcp_robot.stop import FILE, StopLatch, name_of
@@ -35,10 +37,10 @@ def test_a_number_that_is_none_is_refused(number: float) -> None:
     ],
 )
 def test_a_goal_that_is_no_free_floor_is_refused(office: World, x: float, y: float, code: str, words: str) -> None:
-    with pytest.raises(Refusal) as refusal:
+    with pytest.raises(Refusal) as refused:
         safety.goal_is_free(office.grid, Pose(x, y, 0.0), RADIUS)
-    assert refusal.value.code == code
-    assert words in refusal.value.sentence
+    assert refused.value.code == code
+    assert words in refused.value.sentence
 
 
 def test_every_named_place_is_a_goal_that_passes(office: World) -> None:
@@ -62,6 +64,23 @@ def test_speech_is_neither_empty_nor_too_long() -> None:
         safety.speech_fits("x" * 401, Limits())
     with pytest.raises(Refusal, match=r"^empty: "):
         safety.speech_fits(" \n", Limits())
+
+
+def test_more_than_so_many_within_a_minute_are_too_often() -> None:
+    rate = safety.Rate("motions", 3)
+    for now in (0.0, 10.0, 20.0):
+        rate.take(now)
+    with pytest.raises(Refusal, match=r"^too_often: 3 motions were begun within a minute, .* Ask again in 35 s."):
+        rate.take(25.0)
+    rate.take(60.0)
+    with pytest.raises(Refusal, match=r"Ask again in 9 s"):
+        rate.take(61.5)
+    rate.take(0.0)  # the robot's clock was set back: nobody is locked out by that
+
+
+def test_every_code_is_in_the_table_of_the_documentation_and_the_table_has_no_other() -> None:
+    table = (Path(__file__).parents[2] / "docs" / "safety.md").read_text()
+    assert set(re.findall(r"^\| `([a-z_]+)` \|", table, re.M)) == set(get_args(refusal.Code))
 
 
 def test_a_set_latch_and_another_motion_refuse() -> None:

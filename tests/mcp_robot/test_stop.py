@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import signal
 from pathlib import Path
 
+import httpx
 import pytest
+
+from backend.mcp_robot.stop import FILE
+from tests.processes import Robot, end
 
 from .conftest import Served, serving
 from .test_tools import call, refused
@@ -68,6 +73,29 @@ async def test_a_stop_outlives_the_robot_server(tmp_path: Path) -> None:
         await http.post("/release", json={"by": "Ana"})
     async with serving(tmp_path) as robot, robot.mcp() as client:
         assert (await call(client, "rotate_in_place", degrees=10))["reached"]
+
+
+async def test_a_stop_outlives_a_robot_server_that_was_killed(tmp_path: Path) -> None:
+    robot = Robot(tmp_path)
+    url = f"http://127.0.0.1:{robot.robot_port}"
+    with robot.running("robot", port=robot.robot_port) as process:
+        async with httpx.AsyncClient(base_url=url, headers=robot.robot_headers) as http:
+            assert (await http.post("/stop", json={"by": "Ana"})).json()["stopped"]["by"] == "Ana"
+        end(process, signal.SIGKILL)
+    with robot.running("robot", port=robot.robot_port):
+        async with robot.watched() as watched:
+            assert watched.state.stop is not None
+            assert watched.state.stop.by == "Ana"
+
+
+async def test_with_a_stop_file_that_was_spoilt_it_starts_stopped_and_can_be_released(tmp_path: Path) -> None:
+    (tmp_path / FILE).write_bytes(b'{"by": "An')
+    async with serving(tmp_path) as robot, robot.mcp() as client, robot.http() as http:
+        text = await refused(client, "rotate_in_place", degrees=10)
+        assert text.startswith("stopped: Stopped by an unreadable stop file.")
+        await http.post("/release", json={"by": "Ana"})
+        assert (await call(client, "rotate_in_place", degrees=10))["reached"]
+    assert not (tmp_path / FILE).exists()
 
 
 @pytest.mark.parametrize("body", [b"", b"{", b"[]", b'{"by": 5}', b"\xff", b'{"by": ""}'])

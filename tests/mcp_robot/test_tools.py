@@ -67,6 +67,7 @@ async def test_all_tools_are_listed_with_title_annotations_and_a_schema_for_thei
         assert tool.title
         assert tool.description
         assert tool.output_schema
+        assert tool.input_schema["additionalProperties"] is False
         title = (tool.meta or {})["robot-acp/title"]
         required = tool.input_schema.get("required", [])
         assert "{" not in title.format(**dict.fromkeys(required, "1"))
@@ -200,6 +201,13 @@ async def test_speaking_takes_as_long_as_its_sound_on_the_robots_clock(robot: Se
         ("navigate_to_pose", {"x": 99, "y": 0}, "outside_map: The goal (99.0, 0.0) is outside the map"),
         ("navigate_to_pose", {"x": 1}, "bad_arguments: y: field required."),
         ("navigate_to_pose", {"x": "near", "y": 2}, "bad_arguments: x: input should be a valid number"),
+        ("navigate_to_pose", {"x": "1.5", "y": 2}, "bad_arguments: x: input should be a valid number"),
+        ("navigate_to_pose", {"x": True, "y": 2}, "bad_arguments: x: input should be a valid number"),
+        ("navigate_to_pose", {"x": 1, "y": 2, "z": 3}, "bad_arguments: z: extra inputs are not permitted"),
+        ("navigate_to_place", {"place": "dock", "plan_only": "yes"}, "bad_arguments: plan_only: "),
+        ("navigate_to_place", {"place": "dock", "plan_only": 1}, "bad_arguments: plan_only: "),
+        ("speak", {"text": 7}, "bad_arguments: text: "),
+        ("take_photo", {"zoom": 2}, "bad_arguments: zoom: extra inputs are not permitted"),
         ("rotate_in_place", {"degrees": 1e9}, "too_long: "),
         ("speak", {"text": "x" * 401}, "too_long: The text has 401 characters"),
         ("speak", {"text": " "}, "empty: "),
@@ -234,6 +242,19 @@ async def test_a_number_that_is_none_is_refused_even_when_json_lets_it_through(r
         )
         answer = await http.post("/mcp", content=body + '{"x": 1e999, "y": 1}}}', headers=headers)
     assert "not_finite: x must be an ordinary number" in answer.text
+
+
+async def test_motions_and_speeches_are_not_begun_too_often(tmp_path: Path) -> None:
+    limits = {"max_motions_per_minute": 2, "max_speeches_per_minute": 1}
+    async with serving(tmp_path, time_scale=4.0, limits=limits) as robot, robot.mcp() as client:
+        for _ in range(2):
+            await call(client, "rotate_in_place", degrees=1)
+        text = await refused(client, "rotate_in_place", degrees=1)
+        assert text.startswith(
+            "too_often: 2 motions were begun within a minute, the most that is allowed. Ask again in "
+        )
+        await call(client, "speak", text="Yes")
+        assert (await refused(client, "speak", text="No")).startswith("too_often: 1 speeches were begun")
 
 
 async def test_one_motion_at_a_time_and_looking_is_always_possible(tmp_path: Path) -> None:
@@ -321,5 +342,5 @@ asyncio.run(main(*sys.argv[1:]))
 async def test_below_the_battery_floor_it_moves_to_the_dock_alone(tmp_path: Path) -> None:
     async with serving(tmp_path, limits={"battery_floor": 0.99}) as robot, robot.mcp() as client:
         for tool, arguments in (("navigate_to_place", {"place": "kitchen"}), ("rotate_in_place", {"degrees": 9})):
-            assert (await refused(client, tool, **arguments)).startswith("battery_low: The battery is at 92%")
+            assert (await refused(client, tool, **arguments)).startswith("battery_low: The battery is at 9")
         assert (await call(client, "navigate_to_place", place="dock"))["reached"]

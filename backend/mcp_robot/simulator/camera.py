@@ -16,7 +16,7 @@ import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
 from backend.mcp_robot.grid import Floats
-from backend.mcp_robot.simulator import materials, shades
+from backend.mcp_robot.simulator import figures, materials, shades
 from backend.mcp_robot.simulator.world import Sign, World
 from backend.telemetry import Pose
 
@@ -46,13 +46,14 @@ class Rays:
     height: Floats
 
 
-def photograph(world: World, pose: Pose) -> bytes:
-    """The picture from `pose` as JPEG."""
+def photograph(world: World, pose: Pose, people: tuple[Pose, ...] = ()) -> bytes:
+    """The picture from `pose` as JPEG; `people` are where they stand and look."""
     rays = _follow_rays(world, pose)
     distance, sample, kind = _nearest(rays)
     pixels = materials.paint(world, _surface(pose, rays, distance, sample, kind))
     image = Image.fromarray(pixels)
     _hang_signs(image, world.signs, pose, distance)
+    _show_people(image, people, pose, distance)
     buffer = io.BytesIO()
     image.save(buffer, "JPEG", quality=86)
     return buffer.getvalue()
@@ -139,13 +140,34 @@ def _surface(
     )
 
 
+def _show_people(image: Image.Image, people: tuple[Pose, ...], pose: Pose, distance: Floats) -> None:
+    """The farthest first; at their feet the floor is as near as they are, so a little nearer counts as before it."""
+    numbered = sorted(enumerate(people), key=lambda item: -math.hypot(item[1].x - pose.x, item[1].y - pose.y))
+    for number, person in numbered:
+        depth, left = _in_view(person.x, person.y, pose)
+        if not NEAREST < depth < FARTHEST:
+            continue
+        scale = FOCAL / depth
+        column, feet = WIDTH / 2 - scale * left, HORIZON + scale * EYE
+        half, height = scale * figures.WIDTH / 2, scale * figures.HEIGHT
+        facing = math.cos(person.yaw - pose.yaw) < 0.0
+        box = (round(column - half), round(feet - height), round(column + half), round(feet))
+        if box[0] < WIDTH and box[2] > 0:
+            figures.place(image, figures.figure(number, facing), box, depth * 0.98 - 0.05, distance)
+
+
+def _in_view(x: float, y: float, pose: Pose) -> tuple[float, float]:
+    """How far a point lies ahead and to the left, in m."""
+    dx, dy = x - pose.x, y - pose.y
+    forward, aside = math.cos(pose.yaw), math.sin(pose.yaw)
+    return dx * forward + dy * aside, -dx * aside + dy * forward
+
+
 def _hang_signs(image: Image.Image, signs: tuple[Sign, ...], pose: Pose, distance: Floats) -> None:
     """Door signs, as plates that face the camera, where nothing stands before them."""
     draw = ImageDraw.Draw(image)
     for sign in sorted(signs, key=lambda s: -math.hypot(s.x - pose.x, s.y - pose.y)):
-        dx, dy = sign.x - pose.x, sign.y - pose.y
-        depth = dx * math.cos(pose.yaw) + dy * math.sin(pose.yaw)
-        left = -dx * math.sin(pose.yaw) + dy * math.cos(pose.yaw)
+        depth, left = _in_view(sign.x, sign.y, pose)
         if not 0.4 < depth < 12.0:
             continue
         column = WIDTH / 2 - FOCAL * left / depth

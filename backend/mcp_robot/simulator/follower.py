@@ -214,6 +214,15 @@ def _interpolate(values: list[float], track: Track, along: float) -> float:
     return values[index] + part * (values[index + 1] - values[index])
 
 
+def ahead(track: Track, along: float, reach: float) -> Floats:
+    """The points of the track from `along` m on, for `reach` m; shape (n, 2)."""
+    first = _index(track, along)
+    last = first
+    while last < len(track.along) and track.along[last] <= along + reach:
+        last += 1
+    return np.stack([track.x[first:last], track.y[first:last]], axis=1)
+
+
 def remaining(track: Track, along: float, pose: Pose, limits: Limits) -> Remaining:
     """What is left, and about how long it takes: turning to the path, the profile's time, turning to the goal's yaw.
 
@@ -241,6 +250,14 @@ def turning_time(angle: float, limits: Limits) -> float:
 
 def _bearing(pose: Pose, x: float, y: float) -> float:
     return wrap(math.atan2(y - pose.y, x - pose.x) - pose.yaw)
+
+
+def integrate(pose: Pose, twist: Twist, dt: float) -> Pose:
+    """The pose after `dt` s of constant twist: along an arc, exactly."""
+    turn = twist.angular * dt
+    middle = pose.yaw + turn / 2
+    chord = twist.linear * dt * (math.sin(turn / 2) / (turn / 2) if abs(turn) > 1e-9 else 1.0)
+    return Pose(pose.x + chord * math.cos(middle), pose.y + chord * math.sin(middle), wrap(pose.yaw + turn))
 
 
 def wrap(angle: float) -> float:

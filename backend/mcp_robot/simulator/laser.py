@@ -1,15 +1,15 @@
-"""A laser scanner over the occupancy grid: 360 rays, 12 m, by sphere tracing.
+"""A laser scanner over the occupancy grid, by sphere tracing: all around, 12 m, walls, closed doors and people.
 
-Plain functions. The distance field says how far every ray can jump without missing a wall, so that all rays need a few
-tens of array operations together instead of one lookup every few centimetres.
+The distance field says how far every ray can jump without missing a wall, so that all rays need a few tens of array
+operations together instead of one lookup every few centimetres. Nothing here moves or remembers anything.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
-import numpy.typing as npt
 
 from backend.mcp_robot.grid import OCCUPIED, Floats, OccupancyGrid
 from backend.telemetry import Pose
@@ -18,43 +18,75 @@ RAYS = 360
 RANGE = 12.0
 NOISE = 0.008
 """Standard deviation of a reading, in m, as of a usual indoor scanner."""
-
 ANGLE_MIN = -math.pi
-ANGLE_INCREMENT = math.tau / RAYS
-_ANGLES: Floats = np.linspace(ANGLE_MIN, math.pi, RAYS, endpoint=False, dtype=np.float64)
+
+Disc = tuple[float, float, float]
+"""Something round that stands in the map frame: x, y and radius in m."""
 
 
-def scan(grid: OccupancyGrid, pose: Pose, noise: np.random.Generator | None = None) -> Floats:
-    """Ranges in m at ANGLE_MIN + i * ANGLE_INCREMENT in the robot's frame; RANGE where nothing was hit."""
-    ranges = cast_rays(grid, pose.x, pose.y, _ANGLES + pose.yaw, RANGE)
-    if noise is not None:
-        hit = ranges < RANGE
-        ranges = np.where(hit, np.clip(ranges + noise.normal(0.0, NOISE, RAYS), 0.0, RANGE), ranges)
-    return ranges
+class Laser:
+    """The scanner in one building. `rays` lie at ANGLE_MIN + i * `increment` in the robot's frame."""
+
+    def __init__(self, grid: OccupancyGrid, rays: int = RAYS) -> None:
+        self.rays = rays
+        self.increment = math.tau / rays
+        self.angles: Floats = ANGLE_MIN + self.increment * np.arange(rays, dtype=np.float64)
+        self._grid = grid
+        # How far a ray may go on from each cell: nothing in a wall, out of the map for ever. The border catches those
+        # that leave, so that no index needs a check; a jump never reaches farther.
+        self._smallest = grid.resolution / 3
+        jump = np.maximum(grid.distance - np.float32(grid.resolution * 1.42), np.float32(self._smallest))
+        jump[grid.cells == OCCUPIED] = 0.0
+        self._jump = np.pad(jump, 1, constant_values=np.inf).ravel()
+        self._columns = grid.width + 2
+
+    def scan(
+        self, pose: Pose, discs: Iterable[Disc] = (), noise: np.random.Generator | None = None, *, every: int = 1
+    ) -> Floats:
+        """Ranges in m from a pose, of each ray or `every` nth; RANGE where nothing was hit."""
+        angles = self.angles[::every] + pose.yaw
+        ranges = self.cast(pose.x, pose.y, angles)
+        for disc in discs:
+            _shade(ranges, angles, pose, disc)
+        if noise is not None:
+            noisy = np.clip(ranges + noise.normal(0.0, NOISE, len(ranges)), 0.0, RANGE)
+            ranges = np.where(ranges < RANGE, noisy, RANGE)
+        return ranges
+
+    def cast(self, x: float, y: float, angles: Floats, reach: float = RANGE) -> Floats:
+        """How far rays from a point in these directions (map frame) go until they meet an occupied cell.
+
+        Exact to about a third of a cell. Unknown cells and what lies outside the map let a ray pass.
+        """
+        ranges = np.full(angles.shape, reach)
+        if self._grid.cell(x, y) is None:
+            return ranges
+        scale = 1.0 / self._grid.resolution
+        dx, dy = np.cos(angles) * scale, np.sin(angles) * scale
+        u, v = (x - self._grid.origin_x) * scale + 1.0, (y - self._grid.origin_y) * scale + 1.0
+        ray = np.arange(angles.size)
+        gone = np.zeros(angles.shape)
+        while ray.size:
+            cell = (v + gone * dy).astype(np.intp) * self._columns + (u + gone * dx).astype(np.intp)
+            jump = self._jump.take(cell)
+            hit = jump == 0.0
+            if hit.any():
+                ranges[ray[hit]] = np.maximum(gone[hit] - self._smallest / 2, 0.0)
+            gone += jump
+            going = np.flatnonzero((gone < reach) & ~hit)
+            if going.size < ray.size:
+                ray, gone, dx, dy = ray[going], gone[going], dx[going], dy[going]
+        return ranges
 
 
-def cast_rays(grid: OccupancyGrid, x: float, y: float, angles: Floats, reach: float) -> Floats:
-    """How far rays from a point in these directions (map frame) go until they meet an occupied cell.
-
-    Exact to about a third of a cell. Unknown cells and what lies outside the map let a ray pass.
-    """
-    inverse = 1.0 / grid.resolution
-    dx, dy = np.cos(angles) * inverse, np.sin(angles) * inverse
-    u, v = (x - grid.origin_x) * inverse, (y - grid.origin_y) * inverse
-    ranges = np.full(angles.shape, reach)
-    travelled = np.zeros(angles.shape)
-    active: npt.NDArray[np.intp] = np.arange(angles.size)
-    smallest = grid.resolution / 3
-    while active.size:
-        column = np.floor(u + travelled[active] * dx[active]).astype(np.intp)
-        row = np.floor(v + travelled[active] * dy[active]).astype(np.intp)
-        inside = (column >= 0) & (column < grid.width) & (row >= 0) & (row < grid.height)
-        column[~inside] = row[~inside] = 0
-        hit = inside & (grid.cells[row, column] == OCCUPIED)
-        ranges[active[hit]] = np.maximum(travelled[active[hit]] - smallest / 2, 0.0)
-        jump = np.maximum(grid.distance[row, column] - grid.resolution * 1.42, smallest)
-        travelled[active] += np.where(inside, jump, smallest)
-        going = ~hit & (travelled[active] < reach) & inside
-        active = active[going]
-    result: Floats = np.minimum(ranges, reach)
-    return result
+def _shade(ranges: Floats, angles: Floats, pose: Pose, disc: Disc) -> None:
+    """Shorten the rays that meet a disc."""
+    x, y, radius = disc
+    distance = math.hypot(x - pose.x, y - pose.y)
+    if not radius < distance < RANGE + radius:
+        return
+    off = angles - math.atan2(y - pose.y, x - pose.x)
+    aside = distance * np.sin(off)
+    meets = (np.abs(aside) < radius) & (np.cos(off) > 0)
+    along = distance * np.cos(off[meets]) - np.sqrt(radius**2 - aside[meets] ** 2)
+    ranges[meets] = np.minimum(ranges[meets], along)

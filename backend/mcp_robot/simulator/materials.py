@@ -176,7 +176,7 @@ def _wall_details(s: Surface, colour: Floats) -> None:
     tiled = wall & (s.floor_before == shades.TILES) & (s.z < 1.6)
     colour[tiled] *= np.where(((s.z[tiled] % 0.2) < 0.012), 0.9, 0.98)[:, None]
     colour[wall & (s.z < 0.09)] *= 0.55
-    above_door = (s.shade == shades.FRAME) & (s.z > shades.LINTEL_HEIGHT + 0.07)
+    above_door = np.isin(s.shade, (shades.FRAME, shades.DOOR)) & (s.z > shades.LINTEL_HEIGHT + 0.07)
     colour[above_door] = (222, 219, 210)
 
 

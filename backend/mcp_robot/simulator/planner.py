@@ -6,19 +6,13 @@ free floor than `radius`, neither before nor after smoothing.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-import numpy.typing as npt
 
 from backend.mcp_robot.grid import Floats, OccupancyGrid, sample
+from backend.mcp_robot.simulator.search import SearchGrid, Unreachable, cheapest, search_grid, wall_cost
 
-PLANNING_CELL = 0.1
-"""Search at about this resolution (m): half a door's spare width, and a quarter of the cells of a usual map."""
-COMFORT = 1.0
-"""Being nearer to a wall than this (m) costs extra; half the width of a usual corridor."""
-WALL_COST = 6.0
-"""How many times dearer a metre along the wall is than one in the open."""
+__all__ = ["SearchGrid", "Unreachable", "length", "plan", "resample", "search_grid"]
+
 CORNER_ROOM = 0.12
 """How much farther (m) than the inflated obstacle a rounded corner stays where the search did."""
 SPACING = 0.05
@@ -26,66 +20,28 @@ SPACING = 0.05
 ATTACH = 0.6
 """How far (m) start and goal may lie from the nearest cell of the search grid."""
 
-_NEIGHBOURS = tuple((dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if (dr, dc) != (0, 0))
-
-
-class Unreachable(Exception):
-    """There is no way from start to goal for a robot of this size."""
-
-
-@dataclass(frozen=True, eq=False)
-class SearchGrid:
-    """The grid that is searched: `cost[i]` per metre in flat cell i, infinite where the robot may not be.
-
-    A border of one infinite cell lies around it, so that a neighbour's index never needs a check.
-    """
-
-    cost: Floats
-    columns: int
-    cell: float
-    origin_x: float
-    origin_y: float
-
-    def centre(self, index: npt.NDArray[np.intp]) -> Floats:
-        """Cells' centres in the map frame, shape (n, 2)."""
-        rows, columns = np.divmod(index, self.columns)
-        return np.stack([self.origin_x + (columns + 0.5) * self.cell, self.origin_y + (rows + 0.5) * self.cell], axis=1)
-
-
-def search_grid(grid: OccupancyGrid, radius: float) -> SearchGrid:
-    """Inflate: a cell is open when a robot of `radius` fits with its centre anywhere between it and a neighbour."""
-    cell = grid.resolution * max(1, round(PLANNING_CELL / grid.resolution))
-    rows = int(np.ceil(grid.height * grid.resolution / cell)) + 2
-    columns = int(np.ceil(grid.width * grid.resolution / cell)) + 2
-    empty = SearchGrid(np.empty(0), columns, cell, grid.origin_x - cell, grid.origin_y - cell)
-    clearance = grid.clearances(empty.centre(np.arange(rows * columns)))
-    # Between two open neighbours the clearance can be smaller than at both: by how much, Pythagoras says.
-    half_step = cell * np.sqrt(0.5)
-    needed = float(np.hypot(radius, half_step))
-    cost = np.where(clearance >= needed, wall_cost(clearance, radius), np.inf)
-    cost.flags.writeable = False
-    return SearchGrid(cost, columns, cell, empty.origin_x, empty.origin_y)
-
-
-def wall_cost(clearance: Floats, radius: float) -> Floats:
-    """Cost of a metre at this clearance: 1 in the open, `1 + WALL_COST` with the footprint at the wall."""
-    nearness = np.clip((COMFORT - clearance) / (COMFORT - radius), 0.0, 1.0)
-    result: Floats = 1.0 + WALL_COST * nearness**2
-    return result
-
 
 def plan(
-    grid: OccupancyGrid, search: SearchGrid, start: tuple[float, float], goal: tuple[float, float], radius: float
+    grid: OccupancyGrid,
+    search: SearchGrid,
+    start: tuple[float, float],
+    goal: tuple[float, float],
+    radius: float,
+    obstacles: Floats | None = None,
 ) -> Floats:
     """A smooth path from `start` to `goal`, points SPACING apart, shape (n, 2). Raises `Unreachable`.
 
+    `obstacles` are points in the way that the grid does not know, shape (n, 2).
     Start and goal themselves may be nearer to a wall than `radius`: the robot may stand so, and is let out.
     """
     if np.hypot(goal[0] - start[0], goal[1] - start[1]) < SPACING:
         return np.array([start, goal])
+    if obstacles is not None and len(obstacles):
+        grid = grid.with_occupied(obstacles)
+        search = search.changed(grid, obstacles, radius)
     first = _attach(grid, search, start, radius)
     last = _attach(grid, search, goal, radius)
-    cells = search.centre(_cheapest(search, first, last))
+    cells = search.centre(cheapest(search, first, last))
     rough = np.concatenate([[start], cells, [goal]])
     return resample(_smooth(grid, resample(_shortcut(grid, rough, radius), SPACING), radius), SPACING)
 
@@ -110,44 +66,6 @@ def _attach(grid: OccupancyGrid, search: SearchGrid, point: tuple[float, float],
         if grid.segment_clearance(point, centre) >= allowed:
             return int(index[candidate])
     raise Unreachable
-
-
-def _cheapest(search: SearchGrid, start: int, goal: int) -> npt.NDArray[np.intp]:
-    """Cells from start to goal along the cheapest way, by Dijkstra's algorithm in Dial's buckets.
-
-    One bucket holds all cells whose cost lies within one cell of each other, so none of them can improve another, and
-    numpy settles them all at once: about 20 ms across the office.
-    """
-    cost, columns = search.cost, search.columns
-    steps = np.array([dr * columns + dc for dr, dc in _NEIGHBOURS], dtype=np.intp)
-    lengths = np.array([float(np.hypot(dr, dc)) for dr, dc in _NEIGHBOURS])
-    total = np.full(cost.size, np.inf)
-    parent = np.full(cost.size, -1, dtype=np.intp)
-    settled = np.zeros(cost.size, dtype=bool)
-    total[goal] = 0.0
-    open_cells = np.array([goal], dtype=np.intp)
-    while open_cells.size and not settled[start]:
-        known = total[open_cells]
-        now = known < known.min() + 1.0
-        current, open_cells = open_cells[now], open_cells[~now]
-        settled[current] = True
-        found = [open_cells]
-        for step, length in zip(steps, lengths, strict=True):
-            there = current + step
-            candidate = total[current] + length * 0.5 * (cost[current] + cost[there])
-            better = candidate < total[there]
-            there = there[better]
-            total[there] = candidate[better]
-            parent[there] = current[better]
-            found.append(there)
-        open_cells = np.unique(np.concatenate(found))
-        open_cells = open_cells[~settled[open_cells]]
-    if not settled[start]:
-        raise Unreachable
-    way = [start]
-    while way[-1] != goal:
-        way.append(int(parent[way[-1]]))
-    return np.array(way, dtype=np.intp)
 
 
 def _shortcut(grid: OccupancyGrid, points: Floats, radius: float) -> Floats:

@@ -14,6 +14,7 @@ Colour = tuple[int, int, int]
 WALL = 0
 FRAME = 4
 WINDOW = 8
+DOOR = 12
 SHELF = 20
 PLANT = 30
 COUNTER = 40
@@ -48,6 +49,7 @@ THINGS: dict[int, Thing] = {
     WALL: Thing(CEILING_HEIGHT, (226, 222, 212), (226, 222, 212)),
     FRAME: Thing(CEILING_HEIGHT, (70, 104, 128), (70, 104, 128)),
     WINDOW: Thing(CEILING_HEIGHT, (226, 222, 212), (226, 222, 212)),
+    DOOR: Thing(CEILING_HEIGHT, (150, 104, 70), (150, 104, 70)),
     SHELF: Thing(1.8, (150, 116, 84), (168, 134, 100)),
     PLANT: Thing(1.3, (74, 122, 70), (94, 146, 84)),
     COUNTER: Thing(1.0, (206, 210, 208), (92, 94, 98)),

@@ -1,37 +1,51 @@
 """The simulator as a `Robot`: a thin asyncio loop around `Simulation`, its time N times as fast as the wall's.
 
-Time comes from counting steps against the wall's monotonic clock, so it neither drifts nor jumps. Planning and drawing
-run in threads; the loop itself never waits for anything but the next tick.
+Time is a count of steps against the wall's monotonic clock, so it neither drifts nor jumps. Planning and drawing run in
+threads; the loop itself never waits for anything but the next tick. With `time_scale=math.inf` the clock is virtual:
+time passes one step a round of the event loop, as fast as the machine is, planning takes none of it, and the same seed
+and calls give the same states. That is for tests.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
+import math
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 
 import numpy as np
 
-from backend.config import Limits
+from backend.config import Limits, Simulator
 from backend.mcp_robot import speech
-from backend.mcp_robot.grid import OccupancyGrid
+from backend.mcp_robot.grid import Floats, OccupancyGrid
 from backend.mcp_robot.refusal import Halted, Refusal
 from backend.mcp_robot.robot import Fix, Picture, Remaining, Route, Sound, TopologicalMap
 from backend.mcp_robot.simulator import camera, follower, laser, planner
-from backend.mcp_robot.simulator.simulation import FOOTPRINT_RADIUS, STEP, Drive, Simulation, Turn, Utterance
+from backend.mcp_robot.simulator.motions import Drive, Turn, Utterance
+from backend.mcp_robot.simulator.simulation import FOOTPRINT_RADIUS, STEP, Simulation
 from backend.mcp_robot.simulator.world import World
 from backend.telemetry import Battery, Pose, Scan, Twist
 
 TICK = 0.02
 """Wall seconds between rounds of steps."""
-LARGEST_LAG = 0.25
-"""After a longer pause of the whole process, the robot's time goes on from where it was."""
-PLANNING_RADIUS = FOOTPRINT_RADIUS + 0.05
+BURST = 0.02
+"""Wall seconds that a round may take before others get their turn."""
+LARGEST_LAG = 0.5
+"""Wall seconds that are caught up with; of a longer delay the rest is lost, and said to be."""
+COMPLAINT_INTERVAL = 10.0
+
+logger = logging.getLogger(__name__)
 
 
 class SimulatedRobot:
-    """A `Robot`. `running()` makes its time pass; without it, nothing moves."""
+    """A `Robot`. `running()` makes its time pass; without it, nothing moves.
+
+    `floor` is the map that it plans in and may drive on, when that is not the world's: keep-out zones are occupied in
+    it.
+    `simulation` is the truth, for tests and demonstrations: people, doors, the true pose.
+    """
 
     def __init__(
         self,
@@ -42,92 +56,135 @@ class SimulatedRobot:
         time_scale: float = 1.0,
         seed: int = 0,
         battery_level: float = 0.92,
+        settings: Simulator | None = None,
+        floor: OccupancyGrid | None = None,
     ) -> None:
         self.name = name
         self.footprint_radius = FOOTPRINT_RADIUS
         self.places: TopologicalMap = world.places
-        self.grid: OccupancyGrid = world.grid
-        self._world = world
-        self._simulation = Simulation(world, limits, battery_level)
+        self.simulation = Simulation(world, limits, battery_level, seed=seed, settings=settings, floor=floor)
+        self.grid: OccupancyGrid = self.simulation.floor
+        self.on_reroute: Callable[[Floats], None] = lambda _: None  # called with the new way of a drive
+        self.lost = 0.0  # wall seconds that the machine was too slow for, which simulated time did not follow
+        self.simulation.on_reroute = lambda points: self.on_reroute(points)
         self._limits = limits
         self._time_scale = time_scale
         self._epoch = time.time()  # Unix seconds at which the simulation's time is 0
         self._noise = np.random.default_rng(seed)
-        self._search = planner.search_grid(world.grid, PLANNING_RADIUS)
         self._scan: Scan | None = None  # the latest, valid for its own time only
         self._stepped = asyncio.Event()  # set and replaced after every round of steps
+        self._planning: set[asyncio.Task[None]] = set()  # other ways that are being sought
+        if not self._virtual:
+            self.simulation.reroute = self._reroute_in_thread
+
+    @property
+    def _virtual(self) -> bool:
+        return math.isinf(self._time_scale)
 
     @contextlib.asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
         """Let its time pass while inside."""
-        task = asyncio.create_task(self._run(), name="simulator")
+        task = asyncio.create_task(self._run_virtually() if self._virtual else self._run(), name="simulator")
         try:
             yield
         finally:
-            task.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await task
+            for each in (task, *self._planning):
+                each.cancel()
+            await asyncio.gather(task, *self._planning, return_exceptions=True)
+
+    async def _run_virtually(self) -> None:
+        while True:
+            self.simulation.step()
+            self._tell_stepped()
+            await asyncio.sleep(0)
 
     async def _run(self) -> None:
-        begin, steps = time.monotonic(), 0
+        begin, steps, complained = time.monotonic(), 0, -math.inf
         while True:
-            lag = time.monotonic() - begin - steps * STEP / self._time_scale
+            now = time.monotonic()
+            lag = now - begin - steps * STEP / self._time_scale
             if lag > LARGEST_LAG:
-                begin += lag
-                lag = 0.0
-            for _ in range(int(lag * self._time_scale / STEP)):
-                self._simulation.step()
-                steps += 1
-            stepped, self._stepped = self._stepped, asyncio.Event()
-            stepped.set()
-            await asyncio.sleep(TICK)
+                begin, self.lost = begin + lag - LARGEST_LAG, self.lost + lag - LARGEST_LAG
+                lag = LARGEST_LAG
+                if now - complained > COMPLAINT_INTERVAL:
+                    complained = now
+                    logger.warning("The simulator cannot keep up: %.1f s of the wall's time lost so far.", self.lost)
+            due = int(lag * self._time_scale / STEP)
+            while due and time.monotonic() < now + BURST:
+                self.simulation.step()
+                steps, due = steps + 1, due - 1
+            self._tell_stepped()
+            await asyncio.sleep(0 if due else TICK)
+
+    def _tell_stepped(self) -> None:
+        stepped, self._stepped = self._stepped, asyncio.Event()
+        stepped.set()
+
+    def _reroute_in_thread(self, drive: Drive) -> None:
+        task = asyncio.create_task(self._reroute(drive), name="another way")
+        self._planning.add(task)
+        task.add_done_callback(self._planning.discard)
+
+    async def _reroute(self, drive: Drive) -> None:
+        simulation = self.simulation
+        goal, seen = drive.track.goal, simulation.obstacles.points
+        try:
+            points = await asyncio.to_thread(simulation.plan_around, simulation.believed, goal, seen)
+        except planner.Unreachable:
+            return
+        if drive.outcome == "running":
+            simulation.take_way(drive, points)
 
     def clock(self) -> float:
         """Unix seconds of the simulated clock."""
-        return self._epoch + self._simulation.elapsed
+        return self._epoch + self.simulation.elapsed
 
     @property
     def fix(self) -> Fix:
-        """Where it is: a simulator knows."""
-        return Fix(self._simulation.pose, self.clock(), "simulator")
+        """Where it believes it is; with no noise in the settings, a simulator knows."""
+        return Fix(self.simulation.believed, self.clock(), "simulator")
 
     @property
     def twist(self) -> Twist:
         """How it moves."""
-        return self._simulation.twist
+        return self.simulation.twist
 
     @property
     def battery(self) -> Battery:
         """How long it can."""
-        return Battery(self._simulation.battery.level, self._simulation.battery.charging)
+        return Battery(self.simulation.battery.level, self.simulation.battery.charging)
 
     @property
     def remaining(self) -> Remaining | None:
         """What is left of the motion."""
-        return self._simulation.remaining
+        return self.simulation.remaining
 
     @property
     def odometer(self) -> float:
         """Metres driven."""
-        return self._simulation.odometer
+        return self.simulation.odometer
 
     def scan(self) -> Scan:
         """The scan of this moment, computed once however many ask for it."""
-        now, pose = self.clock(), self._simulation.pose
+        now = self.clock()
         if self._scan is None or self._scan.time != now:
-            ranges = laser.scan(self.grid, pose, self._noise)
+            scanner = self.simulation.surroundings.laser
+            ranges = self.simulation.surroundings.scan(self.simulation.pose, self._noise)
             self._scan = Scan(
-                now, pose, laser.ANGLE_MIN, laser.ANGLE_INCREMENT, laser.RANGE, np.round(ranges, 3).tolist()
-            )
+                now, self.simulation.believed, laser.ANGLE_MIN, scanner.increment, laser.RANGE,
+                np.round(ranges, 3).tolist(),
+            )  # fmt: skip
         return self._scan
 
     async def plan(self, goal: Pose, *, final_yaw: bool) -> Route:
-        """A way there. Raises `Refusal` (unreachable)."""
-        start = self._simulation.pose
+        """A way there, around what was seen lately. Raises `Refusal` (unreachable)."""
+        simulation = self.simulation
+        start, seen = simulation.believed, simulation.look()
         try:
-            points = await asyncio.to_thread(
-                planner.plan, self.grid, self._search, (start.x, start.y), (goal.x, goal.y), PLANNING_RADIUS
-            )
+            if self._virtual:
+                points = simulation.plan(start, goal, seen)
+            else:
+                points = await asyncio.to_thread(simulation.plan, start, goal, seen)
         except planner.Unreachable:
             sentence = f"There is no way from here to ({goal.x:.1f}, {goal.y:.1f}). Choose another goal."
             raise Refusal("unreachable", sentence) from None
@@ -145,11 +202,14 @@ class SimulatedRobot:
         await self._move(Turn(angle))
 
     async def _move(self, motion: Drive | Turn) -> None:
-        self._simulation.begin(motion)
+        self.simulation.begin(motion)
         await self._end_of(motion)
         if motion.outcome == "blocked":
-            pose = self._simulation.pose
-            sentence = f"Something is in the way at ({pose.x:.1f}, {pose.y:.1f}), and the robot has stopped before it."
+            pose = self.simulation.believed
+            sentence = (
+                f"Something is in the way at ({pose.x:.1f}, {pose.y:.1f}), and no other way was found. "
+                "Take a photo to see what it is, and ask again when it is gone."
+            )
             raise Refusal("blocked", sentence)
 
     async def _end_of(self, activity: Drive | Turn | Utterance) -> None:
@@ -160,13 +220,18 @@ class SimulatedRobot:
 
     def halt(self) -> None:
         """Brake at once."""
-        self._simulation.halt()
+        self.simulation.halt()
+
+    def hold(self, held: bool) -> None:
+        """Nothing to do: nobody else commands a simulated robot."""
 
     async def photo(self) -> Picture:
         """What the camera sees."""
-        pose = self._simulation.pose
-        jpeg = await asyncio.to_thread(camera.photograph, self._world, pose)
-        return Picture(jpeg, camera.WIDTH, camera.HEIGHT, pose)
+        truth, surroundings = self.simulation.pose, self.simulation.surroundings
+        jpeg = await asyncio.to_thread(
+            camera.photograph, surroundings.building, truth, tuple(surroundings.people.poses)
+        )
+        return Picture(jpeg, camera.WIDTH, camera.HEIGHT, self.simulation.believed)
 
     async def synthesize(self, text: str) -> Sound:
         """The sound of a text."""
@@ -174,8 +239,8 @@ class SimulatedRobot:
 
     async def say(self, text: str, sound: Sound) -> None:
         """Speak for as long as the sound lasts in the robot's time. Raises `Halted`."""
-        await self._end_of(self._simulation.speak(sound.seconds))
+        await self._end_of(self.simulation.speak(sound.seconds))
 
     def hush(self) -> None:
         """Stop speaking at once."""
-        self._simulation.hush()
+        self.simulation.hush()

@@ -1,83 +1,120 @@
 """The simulated robot as a state machine in time: `step(dt)` and nothing else makes anything happen.
 
-No clock, no task, no socket: the same steps give the same states. It keeps its own protective stop: whatever the
-follower asks for, the robot brakes when the way that it needs to stop is not free; its footprint never enters a wall.
+No clock, no task, no socket, one seed: the same steps give the same states, bit for bit. This is the virtual clock of
+tests, as fast as the machine is:
+
+    simulation = Simulation(world.load("office"), Limits(), seed=7, settings=Simulator(people=3, wheel_slip=0.1))
+    drive = simulation.drive_to(Pose(11.8, 4.0, 0.0))         # plans, begins; raises planner.Unreachable
+    while drive.outcome == "running":
+        simulation.step()
+        assert simulation.clearance >= 0.0                    # free floor around the true footprint, in m
+
+`pose` is the truth, `believed` what the robot takes it for. It keeps its own protective stop: whatever the follower
+asks for, the robot brakes when the way that it needs to stop is not free; its footprint never enters anything.
 """
 
 from __future__ import annotations
 
+import contextlib
 import math
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Callable, Iterator
 
-from backend.config import Limits
+import numpy as np
+
+from backend.config import Limits, Simulator
+from backend.mcp_robot.grid import Floats, OccupancyGrid
 from backend.mcp_robot.places import at_dock
 from backend.mcp_robot.robot import Remaining
-from backend.mcp_robot.simulator import follower
+from backend.mcp_robot.simulator import disturbances, follower, planner
 from backend.mcp_robot.simulator.battery import Accumulator
+from backend.mcp_robot.simulator.motions import Drive, Turn, Utterance
+from backend.mcp_robot.simulator.obstacles import Obstacles
+from backend.mcp_robot.simulator.surroundings import Surroundings
 from backend.mcp_robot.simulator.world import World
 from backend.telemetry import Pose, Twist
 
 STEP = 0.02
 """Simulated seconds a step: 50 Hz."""
 FOOTPRINT_RADIUS = 0.25
-BRAKING_MARGIN = 0.02
-"""Free way in m beyond the braking distance."""
-GIVE_UP = 2.0
-"""Seconds at rest before a way that is not free ends the motion."""
+PLANNING_RADIUS = FOOTPRINT_RADIUS + 0.05
+REACTION, BRAKING_MARGIN = 0.15, 0.03
+"""It brakes when so many seconds' way, and so many m, are left beyond the braking distance: before the safety layer's
+guard, which looks less often, has to."""
+BRAKING_PARTS = 4
+"""Looks ahead along the braking distance."""
+PASSING_MARGIN = 0.02
+"""Free way in m beside it: a robot that brakes in a curve leaves the arc that it looked at a little."""
+PATIENCE = 10.0
+"""Seconds before something in the way that end the motion."""
 STALLED = 5.0
 """Seconds without getting on, beyond a whole turn on the spot, after which a motion ends as blocked."""
-
-Outcome = Literal["running", "reached", "blocked", "halted"]
-
-
-@dataclass
-class Drive:
-    """Driving along a track. `along` m are done; for `waiting` s it has stood before something, for `stalled` s it has
-    not got on, for whatever reason."""
-
-    track: follower.Track
-    along: float = 0.0
-    waiting: float = 0.0
-    stalled: float = 0.0
-    outcome: Outcome = "running"
-
-
-@dataclass
-class Turn:
-    """Turning on the spot; `left` rad are to go, counter-clockwise positive."""
-
-    left: float
-    outcome: Outcome = "running"
-
-
-@dataclass
-class Utterance:
-    """Speaking; `left` s are to go."""
-
-    left: float
-    outcome: Outcome = "running"
+LOOK_INTERVAL = 0.2
+"""Seconds between two looks of a driving robot at what the laser sees."""
+LOOK_AHEAD = 3.0
+"""m of the way ahead that must be free of what it sees."""
+LOOK_RAYS = 180
+REROUTE_AFTER = 1.0
+"""Seconds that something is in the way before another way is sought: somebody who crosses is gone by then."""
+MAX_REROUTES = 8
 
 
 class Simulation:
-    """A robot in a world. Attributes are its state; `step` alone moves them on."""
+    """A robot in a world. Attributes are its state; `step` alone moves them on.
 
-    def __init__(self, world: World, limits: Limits, battery_level: float = 0.92) -> None:
+    `floor` is the map that it plans in and may drive on: the world's, or that with keep-out zones as occupied cells.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        limits: Limits,
+        battery_level: float = 0.92,
+        *,
+        seed: int = 0,
+        settings: Simulator | None = None,
+        floor: OccupancyGrid | None = None,
+    ) -> None:
+        settings = settings or Simulator()
+        people, fix, wheels = np.random.default_rng(seed).spawn(3)
         self.world = world
         self.limits = limits
+        self.floor = floor or world.grid
+        self.search = planner.search_grid(self.floor, PLANNING_RADIUS)
+        self.surroundings = Surroundings(world, settings, people)
         self.elapsed = 0.0  # s, grows with every step
-        self.pose: Pose = world.start  # integrated by step
-        self.twist = Twist(0.0, 0.0)  # what the last step moved with
+        self.pose: Pose = world.start  # the true one, integrated by step
+        self.twist = Twist(0.0, 0.0)  # what the wheels did in the last step
         self.odometer = 0.0  # m
         self.battery = Accumulator(battery_level)
         self.motion: Drive | Turn | None = None  # set by begin, ends with its outcome and is dropped
         self.utterance: Utterance | None = None  # likewise
+        tolerance = disturbances.BOUND * (settings.localisation_noise + settings.heading_noise)
+        self.obstacles = Obstacles(self.floor, tolerance)  # what was seen and is not on the map, kept by step
+        self.reroute: Callable[[Drive], None] = self._reroute_now  # called by step for a drive that is obstructed
+        self.on_reroute: Callable[[Floats], None] = lambda _: (
+            None
+        )  # called with the points of another way that is taken
+        self._localisation = disturbances.Localisation(settings.localisation_noise, settings.heading_noise, fix)
+        self._pull = settings.wheel_slip * disturbances.DRIFT  # rad a m that slipping wheels may turn it aside
+        self._slip = disturbances.Slip(settings.wheel_slip, wheels)
         self._halting = False  # from halt until at rest
+        self._next_look = 0.0  # value of elapsed at which a driving robot looks again
+        self._every = max(1, settings.laser_rays // LOOK_RAYS)
 
     @property
     def at_rest(self) -> bool:
         """Whether it stands still."""
         return self.twist.linear == 0.0 and self.twist.angular == 0.0
+
+    @property
+    def believed(self) -> Pose:
+        """Where the robot believes that it is."""
+        return self._localisation.believed(self.pose)
+
+    @property
+    def clearance(self) -> float:
+        """m of free floor around the true footprint."""
+        return self._room(self.pose) - FOOTPRINT_RADIUS
 
     def begin(self, motion: Drive | Turn) -> None:
         """Start a motion; one that is under way ends as halted."""
@@ -85,6 +122,41 @@ class Simulation:
             self.motion.outcome = "halted"
         self.motion = motion
         self._halting = False
+
+    def drive_to(self, goal: Pose, *, final_yaw: bool = True) -> Drive:
+        """Plan a way to `goal` and start to drive it. Raises `planner.Unreachable`."""
+        points = self.plan(self.believed, goal, self.look())
+        drive = Drive(follower.track(points, goal, final_yaw, self.limits))
+        self.begin(drive)
+        return drive
+
+    def plan(self, start: Pose, goal: Pose, obstacles: Floats) -> Floats:
+        """A way around what is on the map and these points, shape (n, 2), or through them when there is no other: they
+        may be gone when the robot comes. Safe in a thread. Raises `Unreachable`."""
+        try:
+            return self.plan_around(start, goal, obstacles)
+        except planner.Unreachable:
+            return self.plan_around(start, goal, obstacles[:0])
+
+    def plan_around(self, start: Pose, goal: Pose, obstacles: Floats) -> Floats:
+        """A way around what is on the map and these points, shape (n, 2). Safe in a thread. Raises `Unreachable`."""
+        ends = (start.x, start.y), (goal.x, goal.y)
+        return planner.plan(self.floor, self.search, *ends, PLANNING_RADIUS, obstacles)
+
+    def look(self) -> Floats:
+        """Take in what the laser sees now; returns all that is known to stand where the map has floor, shape (n, 2)."""
+        ranges = self.surroundings.scan(self.pose, every=self._every)
+        angles = self.surroundings.laser.angles[:: self._every]
+        self.obstacles.take(self.elapsed, self.believed, angles, ranges)
+        return self.obstacles.points
+
+    def close_door(self, door: str) -> None:
+        """Close a door of the world. Raises `WorldError` for an unknown one, `ValueError` while somebody is in it."""
+        self.surroundings.close_door(door, self.pose)
+
+    def open_door(self, door: str) -> None:
+        """Open it again. Raises `WorldError`."""
+        self.surroundings.open_door(door)
 
     def halt(self) -> None:
         """Brake from the next step on."""
@@ -105,9 +177,11 @@ class Simulation:
     def step(self, dt: float = STEP) -> None:
         """Move time on by `dt` s."""
         self.elapsed += dt
+        self.surroundings.step(dt, self.pose, FOOTPRINT_RADIUS + self._stopping_way(self.twist.linear))
         if self._halting:
             command = follower.braked(self.twist, self.limits, dt)
         elif isinstance(self.motion, Drive):
+            self._look_ahead(self.motion)
             command = self._drive(self.motion, dt)
         elif isinstance(self.motion, Turn):
             command = follower.turn_towards(self.twist, self.motion.left, self.limits, dt)
@@ -116,12 +190,36 @@ class Simulation:
         self._move(command, dt)
         self._conclude(dt)
 
+    def _look_ahead(self, drive: Drive) -> None:
+        """Take in what the laser sees; when it stays on the way ahead, ask for another way."""
+        if self.elapsed < self._next_look:
+            return
+        self._next_look = self.elapsed + LOOK_INTERVAL
+        self.look()
+        ahead = follower.ahead(drive.track, drive.along, LOOK_AHEAD)
+        obstructed = drive.waiting > 0.0 or self.obstacles.obstruct(ahead, PLANNING_RADIUS)
+        drive.obstructed = drive.obstructed + LOOK_INTERVAL if obstructed else 0.0
+        if drive.obstructed >= REROUTE_AFTER and drive.rerouted < MAX_REROUTES:
+            drive.obstructed = 0.0
+            drive.rerouted += 1
+            self.reroute(drive)
+
+    def _reroute_now(self, drive: Drive) -> None:
+        # Where there is no other way it waits before what is in this one, and gives up after its patience.
+        with contextlib.suppress(planner.Unreachable):
+            self.take_way(drive, self.plan_around(self.believed, drive.track.goal, self.obstacles.points))
+
+    def take_way(self, drive: Drive, points: Floats) -> None:
+        """Go on along another way to the same goal, from about where the robot is."""
+        drive.track = follower.track(points, drive.track.goal, drive.track.final_yaw, self.limits)
+        drive.along = 0.0
+        self.on_reroute(points)
+
     def _drive(self, drive: Drive, dt: float) -> Twist:
+        pose = self.believed
         for cautious in (False, True):
-            command = follower.follow(
-                self.pose, self.twist, drive.track, drive.along, self.limits, dt, cautious=cautious
-            )
-            if self._free_to_stop(command.twist, dt):
+            command = follower.follow(pose, self.twist, drive.track, drive.along, self.limits, dt, cautious=cautious)
+            if self._free_to_stop(command.twist):
                 drive.stalled = 0.0 if command.along > drive.along + 1e-4 else drive.stalled + dt
                 drive.along = command.along
                 drive.waiting = 0.0
@@ -131,31 +229,58 @@ class Simulation:
         drive.waiting += dt
         return follower.braked(self.twist, self.limits, dt)
 
-    def _free_to_stop(self, command: Twist, dt: float) -> bool:
-        """Whether the robot, one step on with this command, could still brake before anything."""
-        way = command.linear * dt + command.linear**2 / (2 * self.limits.braking) + BRAKING_MARGIN
+    def _stopping_way(self, speed: float) -> float:
+        return speed * REACTION + speed**2 / (2 * self.limits.braking) + BRAKING_MARGIN
+
+    def _free_to_stop(self, command: Twist) -> bool:
+        """Whether the robot, if it followed this command, could still brake before anything."""
         if command.linear == 0.0:
             return True  # a circle that turns on the spot covers no new floor
-        seconds = way / command.linear
-        for part in (0.5, 1.0):
-            ahead = integrate(self.pose, command, seconds * part)
-            if self.world.grid.clearance(ahead.x, ahead.y) < FOOTPRINT_RADIUS:
-                # Where it already stands too near, only driving nearer is refused.
-                return self.world.grid.clearance(ahead.x, ahead.y) > self.world.grid.clearance(self.pose.x, self.pose.y)
+        needed = FOOTPRINT_RADIUS + PASSING_MARGIN + self._pull / 2 * self._stopping_way(command.linear) ** 2
+        for pose in self._way_to_rest(command):
+            room = self._room(pose)
+            if room < needed:
+                return room > self._room(self.pose)  # where it already stands too near, only driving nearer is refused
         return True
 
-    def _move(self, command: Twist, dt: float) -> None:
-        pose = integrate(self.pose, command, dt)
-        if command.linear and self.world.grid.clearance(pose.x, pose.y) < FOOTPRINT_RADIUS:
-            here = self.world.grid.clearance(self.pose.x, self.pose.y)
-            if self.world.grid.clearance(pose.x, pose.y) <= here:  # the bumper: no command moves it into a wall
-                pose = Pose(self.pose.x, self.pose.y, pose.yaw)
-                command = Twist(0.0, command.angular)
+    def _way_to_rest(self, command: Twist) -> Iterator[Pose]:
+        """Poses on the way that it would go on after this command: its reaction, its braking, and the margin.
+
+        Speed and turn do not brake alike, so that it leaves the arc of the command.
+        """
+        limits, pose = self.limits, follower.integrate(self.pose, command, REACTION)
+        yield pose
+        part = command.linear / limits.braking / BRAKING_PARTS
+        twist = command
+        for _ in range(BRAKING_PARTS):
+            slower = follower.braked(twist, limits, part)
+            mean = Twist((twist.linear + slower.linear) / 2, (twist.angular + slower.angular) / 2)
+            pose, twist = follower.integrate(pose, mean, part), slower
+            yield pose
+        yield follower.integrate(pose, Twist(BRAKING_MARGIN, 0.0), 1.0)
+
+    def _room(self, pose: Pose) -> float:
+        """m of free floor around a true pose: what the laser would measure there, and what the map forbids."""
+        room = self.surroundings.clearance(pose.x, pose.y)
+        if self.floor is self.world.grid:
+            return room
+        believed = self._localisation.believed(pose)
+        return min(room, self.floor.clearance(believed.x, believed.y))
+
+    def _move(self, wheels: Twist, dt: float) -> None:
+        moved = self._slip.after(dt, wheels, self.limits.max_turn_rate)
+        pose = follower.integrate(self.pose, moved, dt)
+        room = self._room(pose) if moved.linear else math.inf
+        if room < FOOTPRINT_RADIUS and room <= self._room(self.pose):  # the bumper: no command moves it into a wall
+            pose = Pose(self.pose.x, self.pose.y, pose.yaw)
+            wheels = Twist(0.0, wheels.angular)
         way = math.hypot(pose.x - self.pose.x, pose.y - self.pose.y)
-        if isinstance(self.motion, Turn):
-            self.motion.left -= command.angular * dt
+        before = self.believed.yaw
+        self._localisation.after(way, follower.wrap(pose.yaw - self.pose.yaw))
         self.odometer += way
-        self.pose, self.twist = pose, command
+        self.pose, self.twist = pose, wheels
+        if isinstance(self.motion, Turn):
+            self.motion.left -= follower.wrap(self.believed.yaw - before)
         docked = self.at_rest and at_dock(self.pose, self.world.places)
         self.battery = self.battery.after(dt, way, docked=docked)
 
@@ -179,22 +304,14 @@ class Simulation:
 
     def _hopeless(self, drive: Drive) -> bool:
         longest_turn = math.tau / self.limits.max_turn_rate
-        return self.at_rest and (drive.waiting >= GIVE_UP or drive.stalled >= STALLED + longest_turn)
+        return self.at_rest and (drive.waiting >= PATIENCE or drive.stalled >= STALLED + longest_turn)
 
     @property
     def remaining(self) -> Remaining | None:
         """What is left of the motion."""
         if isinstance(self.motion, Drive):
-            return follower.remaining(self.motion.track, self.motion.along, self.pose, self.limits)
+            return follower.remaining(self.motion.track, self.motion.along, self.believed, self.limits)
         if isinstance(self.motion, Turn):
             angle = abs(self.motion.left)
             return Remaining(0.0, angle, follower.turning_time(angle, self.limits))
         return None
-
-
-def integrate(pose: Pose, twist: Twist, dt: float) -> Pose:
-    """The pose after `dt` s of constant twist: along an arc, exactly."""
-    turn = twist.angular * dt
-    middle = pose.yaw + turn / 2
-    chord = twist.linear * dt * (math.sin(turn / 2) / (turn / 2) if abs(turn) > 1e-9 else 1.0)
-    return Pose(pose.x + chord * math.cos(middle), pose.y + chord * math.sin(middle), follower.wrap(pose.yaw + turn))

@@ -1,35 +1,33 @@
-"""A world from a folder: a map in ROS map_server format (`map.yaml` and its picture) and `places.yaml`.
+"""A world from a folder: a map in ROS map_server format, `places.yaml` with what has a name in it, `keep_out.yaml`.
 
 The folder is outside input: it is checked here once, and a mistake is told with the file, the field and what is
-wrong. Nothing is written.
+wrong. A world never changes; closing a door makes another one. Nothing is written.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import logging
+from collections.abc import Collection
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, TypeVar
+from typing import Annotated, Self
 
 import numpy as np
 import numpy.typing as npt
-import yaml
-from PIL import Image, UnidentifiedImageError
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
-from backend.mcp_robot.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from backend.config import KeepOut
+from backend.mcp_robot.grid import FREE, Floats, OccupancyGrid, sample
 from backend.mcp_robot.robot import PlaceKind, TopologicalMap
-from backend.telemetry import Place, Pose
+from backend.mcp_robot.simulator import map_file, shades
+from backend.mcp_robot.simulator.map_file import WorldError as WorldError
+from backend.telemetry import Place, Pose, Zone
 
 BUILT_IN = Path(__file__).parent.parent / "worlds"
-Model = TypeVar("Model", bound=BaseModel)
+START_ROOM = 0.5
+"""A robot without places begins where it has so much room (m), when there is any."""
 
-MAX_CELLS = 64_000_000
-MIDDLE_GREY = 205
-"""The shade that map_saver gives to unknown cells."""
-
-
-class WorldError(Exception):
-    """A world that cannot be used; the text says which file and what is wrong with it."""
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,42 +39,77 @@ class Sign:
     y: float
 
 
+@dataclass(frozen=True)
+class Door:
+    """A door that can be closed: the line in the map frame, in m, where its leaf then stands."""
+
+    id: str
+    start: tuple[float, float]
+    end: tuple[float, float]
+
+    def distance(self, x: float, y: float) -> float:
+        """m from a point to the leaf."""
+        return float(np.hypot(*(sample(self.start, self.end, 0.05) - (x, y)).T).min())
+
+
 @dataclass(frozen=True, eq=False)
 class World:
-    """What the simulator moves in. `shades` is the map's picture, row 0 at the bottom, dark is occupied."""
+    """What the simulator moves in. `shades` is the map's picture, row 0 at the bottom, dark is occupied. Its `doors`
+    are open, but for those that are walls of this world already."""
 
     grid: OccupancyGrid
     shades: npt.NDArray[np.uint8]
     places: TopologicalMap
-    signs: tuple[Sign, ...]
+    signs: tuple[Sign, ...] = ()
+    doors: tuple[Door, ...] = ()
+    zones: tuple[Zone, ...] = ()
 
     @property
     def start(self) -> Pose:
-        """Where a robot that was just switched on stands: at the first dock, else at the first place."""
+        """Where a robot that was just switched on stands: at the first dock, else at the first place, else at the
+        origin of the map, where mapping usually began, or as near to it as there is room."""
         docks = [place for place in self.places.places if place.kind == "docking"]
-        return (docks or list(self.places.places))[0].pose
+        named = docks or list(self.places.places)
+        return named[0].pose if named else _roomy(self.grid)
+
+    def door(self, name: str) -> Door:
+        """The door with this id. Raises `WorldError`."""
+        for door in self.doors:
+            if door.id == name:
+                return door
+        names = ", ".join(door.id for door in self.doors) or "none"
+        raise WorldError(f"There is no door {name!r} in this world. Its doors: {names}.")
+
+    def with_closed(self, ids: Collection[str]) -> World:
+        """The world with these doors closed. Raises `WorldError` for an id that no door has."""
+        if not ids:
+            return self
+        leaves = np.concatenate([self._leaf(self.door(name)) for name in ids])
+        picture = self.shades.copy()
+        for x, y in leaves.tolist():
+            cell = self.grid.cell(x, y)
+            if cell is not None:
+                picture[cell] = shades.DOOR
+        picture.flags.writeable = False
+        return replace(self, grid=self.grid.with_occupied(leaves), shades=picture)
+
+    def _leaf(self, door: Door) -> Floats:
+        """Points that leave no cell of the leaf out, also where it lies across the cells."""
+        half = self.grid.resolution / 2
+        (x0, y0), (x1, y1) = door.start, door.end
+        return np.concatenate(
+            [sample((x0 + d, y0 + e), (x1 + d, y1 + e), half) for d, e in ((-half, -half), (0, 0), (half, half))]
+        )
 
 
-class _MapYaml(BaseModel):
-    """The fields that ROS 2's map_server reads."""
-
-    model_config = ConfigDict(extra="allow")
-
-    image: str
-    resolution: Annotated[FiniteFloat, Field(gt=0, le=5)]
-    origin: tuple[FiniteFloat, FiniteFloat, FiniteFloat]
-    negate: bool = False
-    occupied_thresh: Annotated[float, Field(gt=0, le=1)] = 0.65
-    free_thresh: Annotated[float, Field(ge=0, lt=1)] = 0.196
-    mode: Literal["trinary", "scale", "raw"] = "trinary"
-
-    @model_validator(mode="after")
-    def _supported(self) -> Self:
-        if self.free_thresh >= self.occupied_thresh:
-            raise ValueError("free_thresh must be smaller than occupied_thresh")
-        if self.origin[2] != 0:
-            raise ValueError("origin: a turned map (yaw other than 0) is not supported; turn the picture instead")
-        return self
+def _roomy(grid: OccupancyGrid) -> Pose:
+    """The point nearest to the map frame's origin that has room for a robot; the roomiest when none has."""
+    enough = min(START_ROOM, float(grid.distance.max()))
+    rows, columns = np.nonzero(grid.distance >= enough)
+    x = grid.origin_x + (columns + 0.5) * grid.resolution
+    y = grid.origin_y + (rows + 0.5) * grid.resolution
+    nearest = int(np.argmin(np.hypot(x, y)))
+    return Pose(float(x[nearest]), float(y[nearest]), 0.0)
 
 
 class _Point(BaseModel):
@@ -89,13 +122,28 @@ class _Position(_Point):
     yaw: FiniteFloat = 0.0
 
 
+Name = Annotated[str, Field(min_length=1, max_length=80)]
+
+
 class _Place(BaseModel):
     model_config = ConfigDict(extra="forbid")
-    id: Annotated[str, Field(min_length=1, max_length=80)]
-    name: Annotated[str, Field(min_length=1, max_length=80)]
+    id: Name
+    name: Name
     type: PlaceKind = "space"
     position: _Position
     sign: _Point | None = None
+
+
+class _Door(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+    id: Name
+    start: _Point
+    end: _Point
+
+
+class _KeepOutYaml(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+    zones: list[KeepOut]
 
 
 class _PlacesYaml(BaseModel):
@@ -103,13 +151,18 @@ class _PlacesYaml(BaseModel):
     frame_id: str = "map"
     places: Annotated[list[_Place], Field(min_length=1)]
     edges: list[tuple[str, str]] = []
+    doors: list[_Door] = []
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        for names in ([p.id for p in self.places], [p.name.casefold() for p in self.places]):
+        for kind, names in (
+            ("places", [p.id for p in self.places]),
+            ("places", [p.name.casefold() for p in self.places]),
+            ("doors", [d.id for d in self.doors]),
+        ):
             twice = {name for name in names if names.count(name) > 1}
             if twice:
-                raise ValueError(f"places: {sorted(twice)[0]!r} is there twice")
+                raise ValueError(f"{kind}: {sorted(twice)[0]!r} is there twice")
         known = {p.id for p in self.places}
         for edge in self.edges:
             for end in edge:
@@ -119,72 +172,55 @@ class _PlacesYaml(BaseModel):
 
 
 def load(world: str) -> World:
-    """Load a built-in world by its name, or any world by the path of its folder. Raises `WorldError`."""
+    """Load a built-in world by its name, or any by the path of its map.yaml or the folder with it. Raises `WorldError`.
+
+    A ROS map needs no `places.yaml`: without one the robot knows no names, and drives to poses only.
+    """
     built_in = sorted(path.name for path in BUILT_IN.iterdir() if (path / "map.yaml").is_file())
-    folder = BUILT_IN / world if world in built_in else Path(world).expanduser()
-    if not (folder / "map.yaml").is_file():
+    path = BUILT_IN / world if world in built_in else Path(world).expanduser()
+    file = path / "map.yaml" if path.is_dir() else path
+    if not file.is_file():
         names = ", ".join(built_in)
-        raise WorldError(f"There is no world {world!r}: neither built in ({names}) nor a folder with a map.yaml.")
-    grid, shades = _load_map(folder / "map.yaml")
-    places, signs = _load_places(folder / "places.yaml")
-    for place in places.places:
-        if grid.state(place.pose.x, place.pose.y) != FREE:
-            where = f"({place.pose.x:g}, {place.pose.y:g})"
-            raise WorldError(f"{folder / 'places.yaml'}: {place.name} {where} is not on free floor.")
-    return World(grid, shades, places, signs)
+        raise WorldError(
+            f"There is no world {world!r}: neither built in ({names}) nor a map.yaml or a folder with one."
+        )
+    grid, picture = map_file.load(file)
+    if not (grid.cells == FREE).any():
+        raise WorldError(f"{file}: the map has no free cell; look at negate and free_thresh.")
+    unnamed = World(grid, picture, TopologicalMap("map", (), ()), zones=_keep_out(file.parent / "keep_out.yaml"))
+    named = file.parent / "places.yaml"
+    if not named.is_file():
+        logger.warning("%s is missing: the robot knows no places by name, and drives to poses only.", named)
+        return unnamed
+    return _with_names(unnamed, named)
 
 
-def _load_map(file: Path) -> tuple[OccupancyGrid, npt.NDArray[np.uint8]]:
-    meta = _read(file, _MapYaml)
-    picture = file.parent / meta.image
-    try:
-        with Image.open(picture) as image:
-            if image.width * image.height > MAX_CELLS:
-                raise WorldError(f"{picture}: {image.width} x {image.height} is more than {MAX_CELLS} cells.")
-            pixels = np.asarray(image.convert("LA"), dtype=np.uint8)[::-1]
-    except (FileNotFoundError, UnidentifiedImageError) as error:
-        raise WorldError(f"{picture} cannot be read as a picture: {error}") from None
-    values, alpha = pixels[:, :, 0], pixels[:, :, 1]
-    cells = _trinary(meta, values, alpha)
-    shades = 255 - values if meta.negate else values.copy()
-    # A camera sees walls where the robot must not go: one look for both, whatever the thresholds.
-    shades[(cells == OCCUPIED) & (shades >= MIDDLE_GREY)] = 0
-    shades[(cells == FREE) & (shades <= MIDDLE_GREY)] = 254
-    shades[cells == UNKNOWN] = MIDDLE_GREY
-    shades.flags.writeable = cells.flags.writeable = False
-    return OccupancyGrid(cells, meta.resolution, meta.origin[0], meta.origin[1]), shades
+def _keep_out(file: Path) -> tuple[Zone, ...]:
+    if not file.is_file():
+        return ()
+    return tuple(Zone(zone.name, zone.polygon) for zone in map_file.read(file, _KeepOutYaml).zones)
 
 
-def _trinary(meta: _MapYaml, values: npt.NDArray[np.uint8], alpha: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
-    """Cells as map_server makes them (nav2_map_server, map_io.cpp); `scale` is cut at the same thresholds."""
-    if meta.mode == "raw":
-        occupancy = values / 100.0
-        unknown = values > 100
-    else:
-        occupancy = values / 255.0 if meta.negate else (255 - values) / 255.0
-        unknown = alpha < 255
-    cells = np.full(values.shape, UNKNOWN, dtype=np.uint8)
-    cells[occupancy >= meta.occupied_thresh] = OCCUPIED
-    cells[occupancy <= meta.free_thresh] = FREE
-    cells[unknown] = UNKNOWN
-    return cells
+def names(file: Path) -> TopologicalMap:
+    """The places of a `places.yaml`, for a robot that has its map from elsewhere. Raises `WorldError`."""
+    return _places(map_file.read(file, _PlacesYaml))
 
 
-def _load_places(file: Path) -> tuple[TopologicalMap, tuple[Sign, ...]]:
-    data = _read(file, _PlacesYaml)
+def _places(data: _PlacesYaml) -> TopologicalMap:
     places = tuple(Place(p.id, p.name, p.type, Pose(p.position.x, p.position.y, p.position.yaw)) for p in data.places)
-    signs = tuple(Sign(p.name, p.sign.x, p.sign.y) for p in data.places if p.sign)
-    return TopologicalMap(data.frame_id, places, tuple(data.edges)), signs
+    return TopologicalMap(data.frame_id, places, tuple(data.edges))
 
 
-def _read(file: Path, model: type[Model]) -> Model:
-    try:
-        content: Any = yaml.safe_load(file.read_text(encoding="utf-8"))
-        return model.model_validate(content)
-    except FileNotFoundError:
-        raise WorldError(f"{file} is missing.") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise WorldError(f"{file} is not valid YAML: {error}") from None
-    except ValidationError as error:
-        lines = [f"  {'.'.join(map(str, item['loc'])) or 'file'}: {item['msg']}" for item in error.errors()]
-        raise WorldError(f"{file} cannot be used:\n" + "\n".join(lines)) from None
+def _with_names(world: World, file: Path) -> World:
+    data = map_file.read(file, _PlacesYaml)
+    points = [(p.name, p.position.x, p.position.y) for p in data.places]
+    points += [(f"door {d.id}", (d.start.x + d.end.x) / 2, (d.start.y + d.end.y) / 2) for d in data.doors]
+    for name, x, y in points:
+        if world.grid.state(x, y) != FREE:
+            raise WorldError(f"{file}: {name} ({x:g}, {y:g}) is not on free floor.")
+    return replace(
+        world,
+        places=_places(data),
+        signs=tuple(Sign(p.name, p.sign.x, p.sign.y) for p in data.places if p.sign),
+        doors=tuple(Door(d.id, (d.start.x, d.start.y), (d.end.x, d.end.y)) for d in data.doors),
+    )

@@ -1,8 +1,6 @@
 """Draws the world `office`: run `python -m backend.mcp_robot.worlds.make_office` after a change, and keep its output.
 
 Writes `office/map.png` and `office/map.yaml`, the same bytes every time; `office/places.yaml` is written by hand.
-The picture is an ordinary ROS map: dark is occupied, light is free, middle grey unknown. Within these classes the shade
-says what the thing is (see `backend.mcp_robot.simulator.shades`), which only the simulated camera reads.
 """
 
 from __future__ import annotations
@@ -10,67 +8,19 @@ from __future__ import annotations
 import itertools
 from pathlib import Path
 
-from PIL import Image, ImageDraw
+from PIL import Image
 
 from backend.mcp_robot.simulator import shades
+from backend.mcp_robot.worlds.plan import YAML, Plan
 
-RESOLUTION = 0.05
-MARGIN = 0.5
 WIDTH, DEPTH = 24.0, 14.0
 WALL = 0.15
 SOUTH, NORTH = 6.0, 8.0
 """The corridor lies between these."""
-DOOR = 1.0
 NORTH_WALLS = [5.0, 8.8, 12.6, 16.4, 20.2]
 SOUTH_WALLS = [5.6, 10.2, 14.8, 19.4]
 
 FOLDER = Path(__file__).parent / "office"
-
-YAML = f"""\
-image: map.png
-mode: trinary
-resolution: {RESOLUTION}
-origin: [{-MARGIN}, {-MARGIN}, 0.0]
-negate: 0
-occupied_thresh: 0.65
-free_thresh: 0.196
-"""
-
-
-class Plan:
-    """A floor plan in metres, y upwards, drawn on a picture in pixels, y downwards."""
-
-    def __init__(self) -> None:
-        size = (round((WIDTH + 2 * MARGIN) / RESOLUTION), round((DEPTH + 2 * MARGIN) / RESOLUTION))
-        self.image = Image.new("L", size, shades.UNKNOWN)
-        self._draw = ImageDraw.Draw(self.image)
-
-    def _pixel(self, x: float, y: float) -> tuple[int, int]:
-        return round((x + MARGIN) / RESOLUTION), round((DEPTH + MARGIN - y) / RESOLUTION)
-
-    def box(self, x0: float, y0: float, x1: float, y1: float, shade: int) -> None:
-        """A filled rectangle between two corners."""
-        left, bottom = self._pixel(x0, y0)
-        right, top = self._pixel(x1, y1)
-        self._draw.rectangle((left, top, right - 1, bottom - 1), fill=shade)
-
-    def disc(self, x: float, y: float, radius: float, shade: int) -> None:
-        """A filled circle."""
-        left, bottom = self._pixel(x - radius, y - radius)
-        right, top = self._pixel(x + radius, y + radius)
-        self._draw.ellipse((left, top, right - 1, bottom - 1), fill=shade)
-
-    def door(self, x: float, y: float, width: float = DOOR) -> None:
-        """An opening in the wall whose lower edge is at `y`, with a frame left and right."""
-        self.box(x - width / 2 - 0.1, y, x + width / 2 + 0.1, y + WALL, shades.FRAME)
-        self.box(x - width / 2, y, x + width / 2, y + WALL, shades.DOORWAY)
-
-    def table(self, x: float, y: float, width: float, depth: float, chairs: int = 0) -> None:
-        """A table around its centre, with chairs in front of it (south)."""
-        self.box(x - width / 2, y - depth / 2, x + width / 2, y + depth / 2, shades.TABLE)
-        for index in range(chairs):
-            place = x - width / 2 + (index + 0.5) * width / chairs
-            self.box(place - 0.2, y - depth / 2 - 0.35, place + 0.2, y - depth / 2, shades.CHAIR)
 
 
 def building(plan: Plan) -> None:
@@ -147,7 +97,7 @@ def reception(plan: Plan) -> None:
 
 def draw() -> Image.Image:
     """The whole plan."""
-    plan = Plan()
+    plan = Plan(WIDTH, DEPTH, WALL)
     building(plan)
     furnish(plan)
     return plan.image

@@ -1,0 +1,63 @@
+"""The agent's sign of life to a robot server that asks for one, as long as a call lasts that moves the robot.
+
+An open connection proves nothing: a process that is stopped leaves it open. So a tool's server may say how often it
+wants to hear its caller, and by which cheap tool (docs/safety.md). The calls go out from this process's event loop: an
+agent that hangs falls silent, and the robot halts. One that asks for nothing hears nothing.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import secrets
+from collections.abc import AsyncIterator, Mapping
+from dataclasses import dataclass
+from typing import Any, cast
+
+import mcp
+from mcp_types import RequestParamsMeta
+
+_META = "robot-acp/sign-of-life"
+_CALLER = "robot-acp/caller"
+SHARE = 0.2
+"""Part of the time that the server allows which passes between two signs."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a tool's server asks for: a call of `tool` at least every `within` seconds."""
+
+    within: float
+    tool: str
+
+    @classmethod
+    def of(cls, meta: Mapping[str, Any]) -> Asked | None:
+        """From a tool's `_meta`; None when nothing usable is asked."""
+        asked = meta.get(_META)
+        match asked:
+            case {"within": int() | float() as within, "tool": str(tool)} if within > 0:
+                return cls(float(within), tool)
+        return None
+
+
+@contextlib.asynccontextmanager
+async def given(client: mcp.Client, asked: Asked | None) -> AsyncIterator[RequestParamsMeta | None]:
+    """Give signs of life while inside; yields the `_meta` that the call itself must carry."""
+    if asked is None:
+        yield None
+        return
+    name = cast("RequestParamsMeta", {_CALLER: secrets.token_urlsafe(16)})
+    beating = asyncio.create_task(_beat(client, asked, name), name="sign of life")
+    try:
+        yield name
+    finally:
+        beating.cancel()
+        await asyncio.gather(beating, return_exceptions=True)
+
+
+async def _beat(client: mcp.Client, asked: Asked, name: RequestParamsMeta) -> None:
+    while True:
+        await asyncio.sleep(SHARE * asked.within)
+        with contextlib.suppress(Exception):  # one that does not get through is the call's to notice
+            async with asyncio.timeout(asked.within):
+                await client.call_tool(asked.tool, {}, meta=name)

@@ -1,0 +1,78 @@
+"""`robot-acp doctor`: what of all this works on this machine, what is missing, and what to do about it.
+
+It only looks: it makes no key, starts no server and moves no robot. The exit status is 0 when nothing is missing.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import sys
+from collections.abc import Iterator
+
+import httpx
+
+from backend.config import Settings
+from backend.findings import Finding, bad, good
+
+OLDEST, NEWEST = (3, 11), (3, 13)
+
+
+async def run(settings: Settings) -> int:
+    """Print one line for each finding; the exit status."""
+    findings = [*_here(settings), *await _processes(settings)]
+    for finding in findings:
+        print(finding)
+    if settings.robot.kind == "ros2":
+        from backend.mcp_robot.ros2.doctor import examine
+
+        for finding in await examine(settings):
+            findings.append(finding)
+            print(finding, flush=True)
+    missing = sum(not finding.ok for finding in findings)
+    print(f"\n{len(findings)} things looked at, {missing or 'none'} missing.")
+    return 1 if missing else 0
+
+
+def _here(settings: Settings) -> Iterator[Finding]:
+    version = ".".join(map(str, sys.version_info[:3]))
+    fits = OLDEST <= sys.version_info[:2] <= NEWEST
+    yield (good if fits else bad)("Python", version, "Use Python 3.11, 3.12 or 3.13.")
+    kind = settings.robot.kind + (", a stand-in" if settings.robot.kind == "ros2" and settings.robot.ros2.demo else "")
+    yield good("settings", f"they can be read; the robot is {settings.robot.name} ({kind})")
+    folder = settings.data_dir
+    nearest = next(place for place in (folder, *folder.parents) if place.exists())
+    if nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK):
+        yield good("data folder", f"{folder}{'' if folder.exists() else ' (will be made)'}")
+    else:
+        yield bad("data folder", f"{folder} cannot be written", "Set data_dir to a folder of yours, or its rights.")
+
+
+async def _processes(settings: Settings) -> list[Finding]:
+    """The three addresses: ours answer, nobody has them, or somebody else does."""
+    found = []
+    async with httpx.AsyncClient(trust_env=False, timeout=2.0) as client:
+        for name, path in (("robot", "/health"), ("agent", None), ("bridge", "/api/health")):
+            where = getattr(settings, name)
+            address = f"{where.host}:{where.port}"
+            if not _listens(where.host, where.port):
+                found.append(good(name, f"{address} is free; it is not running"))
+                continue
+            answers = path is None
+            if path:
+                with contextlib.suppress(httpx.HTTPError):
+                    answers = "status" in (await client.get(f"http://{address}{path}")).text
+            advice = f"End the other program, or choose another port with ROBOT_ACP_{name.upper()}__PORT."
+            found.append(
+                good(name, f"it answers on {address}")
+                if answers
+                else bad(name, f"another program has {address}", advice)
+            )
+    return found
+
+
+def _listens(host: str, port: int) -> bool:
+    with contextlib.closing(socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET)) as probe:
+        probe.settimeout(1.0)
+        return probe.connect_ex((host, port)) == 0

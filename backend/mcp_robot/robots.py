@@ -1,0 +1,73 @@
+"""Which robot the settings ask for, made and ready to be run. The only place that knows of more than one kind."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Protocol
+
+from backend.config import Settings
+from backend.mcp_robot import keep_out
+from backend.mcp_robot.grid import Floats
+from backend.mcp_robot.robot import Robot, TopologicalMap
+from backend.mcp_robot.simulator import world
+from backend.mcp_robot.simulator.simulated_robot import SimulatedRobot
+from backend.telemetry import Zone
+
+
+class RunningRobot(Robot, Protocol):
+    """A robot that lives while its context is open, and tells when a drive takes another way."""
+
+    on_reroute: Callable[[Floats], None]
+
+    def running(self) -> contextlib.AbstractAsyncContextManager[None]:
+        """Let it live while inside."""
+
+
+def build(settings: Settings) -> tuple[RunningRobot, list[Zone]]:
+    """The robot, and the zones that it must keep out of. Raises `WorldError` or `Ros2Missing`."""
+    if settings.robot.kind == "ros2":
+        return _ros2(settings)
+    place = world.load(settings.robot.world)
+    zones = [*place.zones, *_zones(settings)]
+    return simulated(settings, place, zones), zones
+
+
+def simulated(settings: Settings, place: world.World | None = None, zones: Sequence[Zone] = ()) -> SimulatedRobot:
+    """The simulator, in the world of the settings where none is given. Raises `WorldError`."""
+    robot = settings.robot
+    place = place or world.load(robot.world)
+    return SimulatedRobot(
+        place,
+        robot.limits,
+        name=robot.name,
+        time_scale=robot.time_scale,
+        seed=robot.seed,
+        settings=robot.simulator,
+        floor=keep_out.applied(place.grid, zones),
+    )
+
+
+def _ros2(settings: Settings) -> tuple[RunningRobot, list[Zone]]:
+    from backend.mcp_robot.ros2 import interfaces
+
+    ros2, robot = settings.robot.ros2, settings.robot
+    zones = _zones(settings)
+    places = TopologicalMap(ros2.map_frame, (), ())
+    if ros2.demo:
+        ros2 = ros2.model_copy(update={"use_sim_time": True})
+        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        place = world.load(robot.world)
+        places, zones = place.places, [*place.zones, *zones]
+    if ros2.places:
+        places = world.names(Path(ros2.places).expanduser())
+    interfaces.provide(settings.data_dir, ros2.distro)
+    from backend.mcp_robot.ros2.ros2_robot import Ros2Robot
+
+    return Ros2Robot(ros2, robot.limits, name=robot.name, places=places, zones=zones), zones
+
+
+def _zones(settings: Settings) -> list[Zone]:
+    return [Zone(zone.name, zone.polygon) for zone in settings.robot.keep_out]

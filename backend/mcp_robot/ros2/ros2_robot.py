@@ -1,0 +1,350 @@
+"""A robot that runs ROS 2 and Nav2, as a `Robot`: topics to properties, actions to motions, failures to refusals.
+
+ROS lives in a thread of its own (`link.py`); nothing here blocks the event loop, and every wait has a limit. It begins
+to move only while a fresh pose in the map is known. Safety is Nav2's and the collision monitor's as well: nothing is
+published past them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import math
+import time
+from collections.abc import AsyncIterator, Callable, Sequence
+from typing import Any
+
+import numpy as np
+from nav2_msgs.action import ComputePathToPose, NavigateToPose, Spin
+from rclpy.action import ActionClient
+from std_msgs.msg import String
+
+from backend.config import Limits, Ros2
+from backend.mcp_robot import speech
+from backend.mcp_robot.grid import FREE, Floats, OccupancyGrid
+from backend.mcp_robot.refusal import Halted, Refusal
+from backend.mcp_robot.robot import Fix, Picture, Remaining, Route, Sound, TopologicalMap
+from backend.mcp_robot.ros2 import convert, failures
+from backend.mcp_robot.ros2.brake import Brake
+from backend.mcp_robot.ros2.camera import Camera
+from backend.mcp_robot.ros2.goals import ABORTED, CANCELED, SUCCEEDED, Goal
+from backend.mcp_robot.ros2.link import RosLink
+from backend.mcp_robot.ros2.senses import Senses
+from backend.mcp_robot.ros2.waiting import EVERY, until
+from backend.mcp_robot.simulator import follower, planner
+from backend.telemetry import Battery, Pose, Scan, Twist, Zone
+
+logger = logging.getLogger(__name__)
+
+START_LIMIT = 8.0
+"""Seconds that the start waits for the robot's parts; without them the server answers, and says what is missing."""
+REST_LIMIT = 3.0
+"""Seconds that a motion's end waits for the robot to stand, as odometry says."""
+SILENCE = 10.0
+"""Seconds without feedback after which an action has failed. Nav2 gives some many times a second."""
+PLANNING_MARGIN = 0.05
+
+
+class Ros2Robot:
+    """A `Robot`. `running()` joins the ROS graph; before and after, nothing answers."""
+
+    def __init__(
+        self, settings: Ros2, limits: Limits, *, name: str, places: TopologicalMap, zones: Sequence[Zone] = ()
+    ) -> None:
+        self.name = name
+        self.footprint_radius = settings.footprint_radius
+        self.places = places
+        self.on_reroute: Callable[[Floats], None] = lambda _: None  # called with the new way of a drive
+        self._settings = settings
+        self._zones = tuple(zones)
+        self._limits = limits
+        self._link = RosLink("robot_acp", settings.domain_id)
+        self._goal: Goal | None = None  # the motion under way
+        self._remaining: Remaining | None = None  # what is left of it
+        self._halts = 0  # how often halt was called: what began before one must not go on after it
+        self._hushed = asyncio.Event()  # set by hush, replaced when something is said
+        self._hushed.set()
+        self._search: tuple[OccupancyGrid, planner.SearchGrid] | None = None  # for the map that it was made of
+        self._join()  # the ROS thread does not run yet
+
+    @contextlib.asynccontextmanager
+    async def running(self) -> AsyncIterator[None]:
+        """Be part of the ROS graph while inside."""
+        self._link.open()
+        try:
+            await self._wait_for_the_robot()
+            yield
+        finally:
+            await self._brake.let_go()  # what was cancelled last has to get out
+            await asyncio.to_thread(self._link.close)
+
+    def _join(self) -> None:
+        node, s = self._link.node, self._settings
+        self._senses = Senses(node, s, self._limits.pose_timeout, self._zones)
+        self._brake = Brake(self._link, s, self._senses.clock)
+        self._camera = Camera(self._link, s, self._senses)
+        self._navigate = ActionClient(node, NavigateToPose, s.navigate)
+        self._spin = ActionClient(node, Spin, s.spin)
+        self._compute_path = ActionClient(node, ComputePathToPose, s.compute_path) if s.compute_path else None
+        self._voice = node.create_publisher(String, s.speech, 10) if s.speech else None
+
+    async def _wait_for_the_robot(self) -> None:
+        loop = asyncio.get_running_loop()
+
+        def rerouted(points: Floats) -> None:
+            with contextlib.suppress(RuntimeError):  # the loop has ended
+                loop.call_soon_threadsafe(self._rerouted, points)
+
+        self._senses.on_plan = rerouted
+        # A robot server that ended badly left its motion to Nav2: whatever it is, it ends now.
+        self._brake.halt()
+        await until(lambda: not self._absent(), START_LIMIT)
+        self._brake.halt()  # again: by now the nodes have seen each other
+        if self._senses.odometry:
+            await self._at_rest()
+        await self._brake.let_go()
+        if absent := self._absent():
+            logger.error("Not there yet: %s. `robot-acp doctor` tells more.", ", ".join(absent))
+        if (grid := self._senses.grid) is None:
+            return
+        for place in self.places.places:
+            if grid.state(place.pose.x, place.pose.y) != FREE:
+                logger.error("%s is not on free floor of the robot's map: is places.yaml of this map?", place.name)
+
+    def _absent(self) -> list[str]:
+        """What a motion needs and has not been heard of yet."""
+        senses, s = self._senses, self._settings
+        present = {
+            f"the map ({s.map})": senses.grid is not None,
+            "the robot's pose": senses.lost is None,
+            f"odometry ({s.odom})": senses.odometry is not None,
+            f"the battery ({s.battery})": senses.battery is not None or not s.battery,
+            f"the laser ({s.scan})": senses.scan().time > 0 or not s.scan,
+            f"the action {s.navigate}": self._navigate.server_is_ready(),
+            f"the action {s.spin}": self._spin.server_is_ready(),
+        }
+        return [name for name, is_there in present.items() if not is_there]
+
+    def clock(self) -> float:
+        """The robot's time, in Unix seconds."""
+        return self._senses.clock()
+
+    @property
+    def fix(self) -> Fix:
+        """Where it is, and which topic says so; `NOWHERE` until one does."""
+        return self._senses.fix
+
+    @property
+    def twist(self) -> Twist:
+        """How it moves, as odometry says."""
+        return self._senses.twist
+
+    @property
+    def battery(self) -> Battery:
+        """Its charge; empty while it has said nothing, full where it has no topic for it."""
+        unknown = Battery(0.0 if self._settings.battery else 1.0, False)
+        return self._senses.battery or unknown
+
+    @property
+    def grid(self) -> OccupancyGrid:
+        """The map. Raises `Refusal` (no_map) until one has come."""
+        if self._senses.grid is None:
+            raise Refusal("no_map", f"No map has come on the topic {self._settings.map}. Is the map server running?")
+        return self._senses.grid
+
+    @property
+    def remaining(self) -> Remaining | None:
+        """What is left of the motion, as Nav2 says."""
+        return self._remaining
+
+    @property
+    def odometer(self) -> float:
+        """Metres driven since this process began to listen."""
+        return self._senses.odometer
+
+    def scan(self) -> Scan:
+        """The latest laser scan."""
+        return self._senses.scan()
+
+    async def plan(self, goal: Pose, *, final_yaw: bool) -> Route:
+        """A way there: Nav2's planner's while nothing moves, else our own on the map. Raises `Refusal`."""
+        start = self._located().pose
+        # Nav2's planner serves one at a time: asking it while it steers a drive would end that drive.
+        client = self._compute_path if self._goal is None else None
+        if client is not None and client.server_is_ready():
+            points = await self._planned_by_nav2(client, start, goal)
+        else:
+            points = await self._planned_here(start, goal)
+        track = follower.track(points, goal, final_yaw, self._limits)
+        left = follower.remaining(track, 0.0, start, self._limits)
+        return Route(tuple((x, y) for x, y in points.tolist()), left.distance, left.seconds, goal, final_yaw)
+
+    async def _planned_by_nav2(self, client: Any, start: Pose, goal: Pose) -> Floats:
+        message = ComputePathToPose.Goal(use_start=False)
+        self._address(message.goal, goal)
+        name = self._settings.compute_path
+        status, result = await Goal(self._link, client, name, self._settings.answer_timeout).run(
+            message, silence=SILENCE
+        )
+        if status != SUCCEEDED:
+            refusal = failures.aborted(name, result)
+            code = "unreachable" if refusal.code == "nav_failed" else refusal.code
+            raise Refusal(code, refusal.sentence)
+        points = convert.path(result.path)
+        if not len(points):
+            raise Refusal("unreachable", f"No path leads to ({goal.x:.1f}, {goal.y:.1f}). Choose another goal.")
+        return planner.resample(np.concatenate([[(start.x, start.y)], points]), planner.SPACING)
+
+    async def _planned_here(self, start: Pose, goal: Pose) -> Floats:
+        grid, radius = self.grid, self.footprint_radius + PLANNING_MARGIN
+
+        def plan() -> Floats:
+            if self._search is None or self._search[0] is not grid:
+                self._search = (grid, planner.search_grid(grid, radius))
+            return planner.plan(grid, self._search[1], (start.x, start.y), (goal.x, goal.y), radius)
+
+        try:
+            return await asyncio.to_thread(plan)
+        except planner.Unreachable:
+            sentence = f"There is no way from here to ({goal.x:.1f}, {goal.y:.1f}). Choose another goal."
+            raise Refusal("unreachable", sentence) from None
+
+    async def drive(self, route: Route) -> None:
+        """Let Nav2 drive to the route's goal. Raises `Refusal` or `Halted`."""
+        goal = route.goal if route.final_yaw else Pose(route.goal.x, route.goal.y, _heading(route))
+        message = NavigateToPose.Goal()
+        self._address(message.pose, goal)
+
+        def on_feedback(feedback: Any) -> None:
+            distance = float(feedback.distance_remaining)
+            if distance <= 0 or not math.isfinite(distance):
+                return  # Nav2 says 0 until it has planned
+            left = convert.seconds(feedback.estimated_time_remaining) or distance / self._limits.max_speed
+            self._remaining = Remaining(distance, 0.0, left)
+
+        begin = Remaining(route.length, 0.0, route.seconds)
+        await self._move(self._navigate, self._settings.navigate, message, begin, on_feedback)
+
+    async def turn(self, angle: float) -> None:
+        """Let Nav2 turn it on the spot. Raises `Refusal` or `Halted`."""
+        seconds = follower.turning_time(abs(angle), self._limits)
+        message = Spin.Goal(target_yaw=float(angle))
+        convert.set_seconds(message.time_allowance, 10.0 + 3 * seconds)
+
+        def on_feedback(feedback: Any) -> None:
+            left = max(0.0, abs(angle) - abs(float(feedback.angular_distance_traveled)))
+            self._remaining = Remaining(0.0, left, follower.turning_time(left, self._limits))
+
+        await self._move(self._spin, self._settings.spin, message, Remaining(0.0, abs(angle), seconds), on_feedback)
+
+    async def _move(
+        self, client: Any, name: str, message: Any, begin: Remaining, on_feedback: Callable[[Any], None]
+    ) -> None:
+        halts = self._halts
+        await self._brake.let_go()
+        self._located()
+        if self._halts != halts:
+            raise Halted
+        goal = self._goal = Goal(self._link, client, name, self._settings.answer_timeout)
+        self._remaining = begin
+        try:
+            status, result = await goal.run(
+                message, silence=SILENCE, on_feedback=on_feedback, check=self._not_lost_while_moving
+            )
+        except Refusal:
+            self._brake.halt()
+            await self._at_rest()
+            raise
+        finally:
+            self._goal = self._remaining = None
+        await self._at_rest()
+        if goal.halted and status in (CANCELED, ABORTED):
+            raise Halted
+        if status == CANCELED:
+            raise failures.cancelled(name)
+        if status != SUCCEEDED:
+            raise failures.aborted(name, result)
+
+    def _located(self) -> Fix:
+        """The robot's pose in the map. Raises `Refusal` (lost) when it is not known well enough to move."""
+        lost = self._senses.lost
+        if lost is None:
+            return self.fix
+        if math.isinf(lost):
+            sentence = "The robot does not know where it is. Set its initial pose, and wait for its localisation."
+        else:
+            sentence = f"The robot lost its pose {lost:.0f} s ago. Wait for its localisation, or set its pose anew."
+        raise Refusal("lost", sentence)
+
+    def _not_lost_while_moving(self) -> None:
+        lost = self._senses.lost
+        if lost is not None and lost > 2 * self._limits.pose_timeout:  # Nav2 may find it again a little later
+            self._located()
+
+    async def _at_rest(self) -> None:
+        """Wait until odometry that came after now says that it stands, for a limited time."""
+        began = time.monotonic()
+
+        def stands() -> bool:
+            odometry = self._senses.odometry
+            return odometry is not None and odometry.arrived > began and self.twist == Twist(0.0, 0.0)
+
+        if not await until(stands, REST_LIMIT):
+            logger.warning("The robot's odometry does not say that it stands.")
+
+    def halt(self) -> None:
+        """Cancel the goals of all clients and send zero velocity, at once."""
+        self._halts += 1
+        if self._goal:
+            self._goal.halt()
+        self._brake.halt()
+
+    def hold(self, held: bool) -> None:
+        """While held, keep cancelling everybody's goals and sending zero velocity."""
+        self._brake.hold(held)
+
+    def _rerouted(self, points: Floats) -> None:
+        if self._goal is not None and self._goal.name == self._settings.navigate and len(points):
+            self.on_reroute(points)
+
+    async def photo(self) -> Picture:
+        """What the camera sees. Raises `Refusal` (no_camera)."""
+        return await self._camera.photo()
+
+    async def synthesize(self, text: str) -> Sound:
+        """The sound of a text."""
+        return await speech.synthesize(text)
+
+    async def say(self, text: str, sound: Sound) -> None:
+        """Publish the text, and wait for as long as saying it takes. Raises `Refusal` (no_voice) or `Halted`."""
+        if self._voice is None or not self._voice.get_subscription_count():
+            where = f"on the topic {self._settings.speech}" if self._voice else "no topic is set for it"
+            raise Refusal("no_voice", f"The robot has no voice: nobody listens, {where}.")
+        hushed = self._hushed = asyncio.Event()
+        self._voice.publish(String(data=text))
+        end = self.clock() + sound.seconds
+        while self.clock() < end:
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(EVERY):
+                    await hushed.wait()
+            if hushed.is_set():
+                raise Halted
+
+    def hush(self) -> None:
+        """Stop speaking: an empty text, which replaces what is being said."""
+        if not self._hushed.is_set() and self._voice is not None:
+            self._voice.publish(String(data=""))
+        self._hushed.set()
+
+    def _address(self, message: Any, goal: Pose) -> None:
+        """Fill in a PoseStamped in the map frame."""
+        message.header.frame_id = self._settings.map_frame
+        convert.set_seconds(message.header.stamp, self.clock())
+        convert.set_pose(message.pose, goal)
+
+
+def _heading(route: Route) -> float:
+    """The direction in which a route arrives."""
+    (x0, y0), (x1, y1) = route.points[max(0, len(route.points) - 4)], route.points[-1]
+    return math.atan2(y1 - y0, x1 - x0) if (x0, y0) != (x1, y1) else route.goal.yaw

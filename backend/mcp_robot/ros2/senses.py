@@ -1,0 +1,207 @@
+"""What the robot's topics said last: pose, velocity, battery, map, laser, path, and when each was heard.
+
+Written by the ROS thread, one whole value at a time; read by any. It tells how old a value is and never makes one up.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from nav_msgs.msg import OccupancyGrid as GridMessage
+from nav_msgs.msg import Odometry
+from nav_msgs.msg import Path as PathMessage
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import BatteryState, LaserScan
+from tf2_msgs.msg import TFMessage
+
+from backend.config import Ros2
+from backend.mcp_robot import keep_out
+from backend.mcp_robot.grid import Floats, OccupancyGrid
+from backend.mcp_robot.robot import NOWHERE, Fix
+from backend.mcp_robot.ros2 import convert
+from backend.mcp_robot.ros2.frames import Frames, Link, compose, inverse
+from backend.telemetry import Battery, Pose, Scan, Twist, Zone
+
+logger = logging.getLogger(__name__)
+
+LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Of a stream only the newest matters, from publishers of either reliability."""
+LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+ALL = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
+CLOCK_PAUSE = 0.2
+"""Seconds that /clock may be silent before time goes on by itself: else nothing would ever be old."""
+LONGEST_STEP = 5.0
+"""An odometry that jumps farther (m) was reset, and nothing was driven."""
+
+
+@dataclass(frozen=True)
+class Heard:
+    """A pose that a topic told: `stamp` on the robot's clock, `arrived` on this computer's monotonic one."""
+
+    pose: Pose
+    stamp: float
+    arrived: float
+
+
+class Senses:
+    """Subscriptions of a node, to be made on the ROS thread, and their latest values."""
+
+    def __init__(self, node: Any, settings: Ros2, pose_timeout: float, zones: Sequence[Zone]) -> None:
+        self.settings = settings
+        self._pose_timeout = pose_timeout
+        self._zones = zones
+        self.grid: OccupancyGrid | None = None  # replaced whenever a map comes
+        self.battery: Battery | None = None
+        self.twist = Twist(0.0, 0.0)
+        self.odometer = 0.0  # m, summed up from odometry
+        self.odometry: Heard | None = None  # in the odometry's own frame
+        self.frames = Frames()
+        self.arrivals: dict[str, float] = {}  # setting of a topic -> monotonic time of its latest message
+        self.on_plan: Callable[[Floats], None] = lambda _: None  # called on the ROS thread with each new path
+        self._amcl: Heard | None = None
+        self._located: tuple[Heard, Pose | None] | None = None  # last pose in the map, and the odometry then
+        self._scan: Any = None  # the message; converted when somebody asks
+        self._converted: tuple[Any, Scan] | None = None  # the message converted last, and its scan
+        self._time: tuple[float, float] | None = None  # of /clock, and the monotonic time when that was heard
+        self._complained: set[str] = set()  # topics whose unusable messages were logged
+        s = settings
+        wanted = [
+            ("", "/tf_static", TFMessage, self._on_static_frames, LATCHED),
+            ("", "/tf", TFMessage, self._on_frames, ALL),
+            ("amcl_pose", s.amcl_pose, PoseWithCovarianceStamped, self._on_amcl, LATCHED),
+            ("map", s.map, GridMessage, self._on_grid, LATCHED),
+            ("battery", s.battery, BatteryState, self._on_battery, LATEST),
+            ("plan", s.plan, PathMessage, self._on_plan, LATEST),
+            ("scan", s.scan, LaserScan, self._on_scan, LATEST),
+            # After the poses: who sees the robot at rest shall see the place too where it came to rest.
+            ("odom", s.odom, Odometry, self._on_odometry, LATEST),
+        ]
+        if s.use_sim_time:
+            wanted.append(("", "/clock", Clock, self._on_clock, LATEST))
+        for setting, topic, kind, heard, qos in wanted:
+            if topic:
+                node.create_subscription(kind, topic, self._guarded(setting or topic, heard), qos)
+
+    def _guarded(self, name: str, heard: Callable[[Any], None]) -> Callable[[Any], None]:
+        def callback(message: Any) -> None:
+            try:
+                heard(message)
+            except ValueError as error:
+                if name not in self._complained:
+                    self._complained.add(name)
+                    logger.error("What %s says cannot be used: %s.", name, error)
+            else:
+                self.arrivals[name] = time.monotonic()
+
+        return callback
+
+    def clock(self) -> float:
+        """Unix seconds of the robot's clock."""
+        if self._time is None:
+            return time.time()
+        told, arrived = self._time
+        return told + max(0.0, time.monotonic() - arrived - CLOCK_PAUSE)
+
+    def age(self, setting: str) -> float:
+        """Seconds since the topic of a setting was heard, infinite when it never was."""
+        return time.monotonic() - self.arrivals.get(setting, -math.inf)
+
+    @property
+    def fix(self) -> Fix:
+        """Where the robot is: the newer of `amcl_pose` and the transform, else the odometry since the last of them."""
+        heard, source = self._in_map()
+        if heard is None:
+            return NOWHERE
+        odometry = self.odometry
+        if self._fresh(heard) or odometry is None or self._located is None:
+            return Fix(heard.pose, heard.stamp, source)
+        then, odometry_then = self._located
+        if odometry_then is None or not self._fresh(odometry):
+            return Fix(heard.pose, heard.stamp, source)
+        moved = compose(inverse(odometry_then), odometry.pose)
+        return Fix(compose(then.pose, moved), odometry.stamp, "odometry")
+
+    @property
+    def lost(self) -> float | None:
+        """Seconds for which no pose in the map has come, None while they come; infinite when none ever did."""
+        heard, _ = self._in_map()
+        if heard is None:
+            return math.inf
+        return None if self._fresh(heard) else time.monotonic() - heard.arrived
+
+    def _fresh(self, heard: Heard) -> bool:
+        return time.monotonic() - heard.arrived <= self._pose_timeout
+
+    def _in_map(self) -> tuple[Heard | None, str]:
+        found = self.frames.find(self.settings.base_frame, self.settings.map_frame)
+        amcl = self._amcl
+        if found and (amcl is None or found.arrived > amcl.arrived):
+            now = time.monotonic()
+            heard = Heard(found.pose, min(found.stamp, self.clock()), min(found.arrived, now))
+            return heard, "tf"
+        return amcl, "amcl_pose"
+
+    def scan(self) -> Scan:
+        """The latest laser scan; one without readings before the first."""
+        message = self._scan
+        if message is None:
+            return Scan(0.0, self.fix.pose, -math.pi, math.tau, 0.0, [])
+        if self._converted is None or self._converted[0] is not message:
+            sensor = self.frames.find(message.header.frame_id, self.settings.base_frame)
+            pose = sensor.pose if sensor else Pose(0.0, 0.0, 0.0)
+            self._converted = (message, convert.scan(message, pose, self.fix.pose))
+        return self._converted[1]
+
+    def _remember(self) -> None:
+        heard, _ = self._in_map()
+        if heard and self._fresh(heard):
+            self._located = (heard, self.odometry.pose if self.odometry else None)
+
+    def _on_frames(self, message: Any, fixed: bool = False) -> None:
+        now = math.inf if fixed else time.monotonic()
+        for each in message.transforms:
+            where, turn = each.transform.translation, each.transform.rotation
+            pose = Pose(where.x, where.y, convert.yaw(turn))
+            stamp = math.inf if fixed else convert.seconds(each.header.stamp)
+            if math.isfinite(pose.x) and math.isfinite(pose.y) and math.isfinite(pose.yaw):
+                self.frames.put(each.child_frame_id, Link(each.header.frame_id, pose, stamp, now))
+
+    def _on_static_frames(self, message: Any) -> None:
+        self._on_frames(message, fixed=True)
+
+    def _on_amcl(self, message: Any) -> None:
+        pose = convert.pose(message.pose.pose)
+        self._amcl = Heard(pose, convert.seconds(message.header.stamp), time.monotonic())
+        self._remember()
+
+    def _on_odometry(self, message: Any) -> None:
+        pose, twist = convert.pose(message.pose.pose), convert.twist(message.twist.twist)
+        before = self.odometry
+        if before:
+            way = math.hypot(pose.x - before.pose.x, pose.y - before.pose.y)
+            self.odometer += way if way < LONGEST_STEP else 0.0
+        self.odometry = Heard(pose, convert.seconds(message.header.stamp), time.monotonic())
+        self.twist = twist
+        self._remember()
+
+    def _on_grid(self, message: Any) -> None:
+        self.grid = keep_out.applied(convert.grid(message), self._zones)
+
+    def _on_battery(self, message: Any) -> None:
+        self.battery = convert.battery(message)
+
+    def _on_scan(self, message: Any) -> None:
+        self._scan = message
+
+    def _on_plan(self, message: Any) -> None:
+        self.on_plan(convert.path(message))
+
+    def _on_clock(self, message: Any) -> None:
+        self._time = convert.seconds(message.clock), time.monotonic()

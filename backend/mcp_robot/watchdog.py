@@ -1,0 +1,117 @@
+"""The watchdog: whoever moves the robot must be heard, all the time; a client gone or silent is a motion ended.
+
+A connection that breaks is seen at once. One that stands is no proof: behind a half-open line, a proxy, or a process
+that is stopped, the kernel goes on to acknowledge. So the client's program itself has to be heard:
+
+- under the handshake protocols the server sends it MCP's `ping`, which every client answers;
+- protocol 2026-07-28 forbids that. There a client may name itself (`_meta` CALLER) and promise to call some tool as
+  often as the tools' `_meta` SIGN asks; each call that carries the name is a sign of life;
+- one that does neither gives no sign, and may move the robot for a limited time only.
+
+Here nothing halts: silence is an exception in the task of the tool call, whose motion ends with it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Awaitable, Callable, Mapping
+from typing import Any
+
+from mcp.server.mcpserver import Context
+from mcp.shared.exceptions import MCPError
+from mcp.shared.message import ServerMessageMetadata
+from mcp_types import CONNECTION_CLOSED, EmptyResult, PingRequest
+
+from backend.config import Limits
+from backend.mcp_robot.refusal import Refusal
+
+CALLER = "robot-acp/caller"
+"""`_meta` key of a call: a name of the client, which no other one can guess."""
+SIGN = "robot-acp/sign-of-life"
+"""`_meta` key of a tool: `within`, the seconds in which a caller must be heard, and `tool`, one that is cheap."""
+MAX_NAME = 200
+SHARE = 0.25
+"""Part of the time allowed that passes before the next question; the rest is for the answer."""
+
+
+class Callers:
+    """Clients that named themselves, while something of theirs goes on."""
+
+    def __init__(self) -> None:
+        self._ends: dict[
+            str, set[tuple[asyncio.Timeout, float]]
+        ] = {}  # when the patience with each ends, and its limit
+
+    def hear(self, name: str) -> None:
+        """A call with this name came in. Only those that are listened for matter."""
+        for end, limit in self._ends.get(name, ()):
+            if not end.expired():
+                end.reschedule(asyncio.get_running_loop().time() + limit)
+
+    async def listen(self, name: str, limit: float) -> None:
+        """Return when nothing has come from `name` for `limit` seconds."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(limit) as end:
+                ends = self._ends.setdefault(name, set())
+                ends.add((end, limit))
+                try:
+                    await asyncio.Event().wait()
+                finally:
+                    ends.discard((end, limit))
+                    if not ends:
+                        self._ends.pop(name, None)
+
+
+def caller(meta: Mapping[str, Any] | None) -> str | None:
+    """How a client names itself in a request's `_meta`; None for a name that cannot be one."""
+    name = (meta or {}).get(CALLER)
+    return name if isinstance(name, str) and 0 < len(name) <= MAX_NAME else None
+
+
+def admit(context: Context[Any, Any], limits: Limits) -> None:
+    """Before anything begins: the client of this call can be listened for, or may go unheard for a while."""
+    if not (limits.unheard_motion or context.session.can_send_request or caller(context.request_context.meta)):
+        raise Refusal(
+            "no_sign_of_life",
+            f"Nothing moves for a client that cannot be heard. Name yourself under {CALLER} in the _meta of the call, "
+            f"and call get_robot_status with it every {limits.client_silence / 2:g} s.",
+        )
+
+
+async def watch(context: Context[Any, Any], callers: Callers, limits: Limits) -> None:
+    """Listen for the client of this call. Raises `Refusal` when it is silent; never returns."""
+    name = caller(context.request_context.meta)
+    if context.session.can_send_request:
+        await _until_unanswered(lambda: _ping(context), limits.client_silence)
+    elif name:
+        await callers.listen(name, limits.client_silence)
+    else:
+        await asyncio.sleep(limits.unheard_motion)
+        raise Refusal(
+            "no_sign_of_life",
+            f"This client gives no sign of life, and may act for {limits.unheard_motion:g} s at once; the robot has "
+            "halted. Ask again for the rest.",
+        )
+    raise Refusal("silent", f"The client has been silent for {limits.client_silence:g} s, and the robot has halted.")
+
+
+async def _until_unanswered(ask: Callable[[], Awaitable[object]], limit: float) -> None:
+    """Ask again and again; return when there was no answer within `limit` seconds of the last one."""
+    while True:
+        try:
+            async with asyncio.timeout((1 - SHARE) * limit):
+                await ask()
+        except TimeoutError:
+            return
+        await asyncio.sleep(SHARE * limit)
+
+
+async def _ping(context: Context[Any, Any]) -> None:
+    beside = ServerMessageMetadata(related_request_id=context.request_context.request_id)
+    try:
+        await context.session.send_request(PingRequest(), EmptyResult, metadata=beside)
+    except MCPError as error:
+        if error.error.code == CONNECTION_CLOSED:
+            raise TimeoutError from None
+        # A client that does not know the question has answered all the same.

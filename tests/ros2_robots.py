@@ -1,0 +1,118 @@
+"""A ROS 2 robot for tests: the stand-in in a process of its own, on a ROS domain that nobody else uses."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import itertools
+import os
+import signal
+import socket
+import subprocess
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from tests.processes import Robot, end
+
+UNFIT = None if importlib.util.find_spec("rclpy") else "rclpy cannot be imported: install the extra ros2"
+needs_ros2 = pytest.mark.skipif(UNFIT is not None, reason=UNFIT or "")
+
+FIRST_DOMAIN, DOMAINS = 10, 90
+"""Of the domains whose ports lie below those that a system gives out."""
+_taken: set[int] = set()
+
+
+def free_domain() -> int:
+    """A ROS domain without participants on this machine, and not given out before."""
+    begin = os.getpid()
+    for step in range(DOMAINS):
+        domain = FIRST_DOMAIN + (begin + step) % DOMAINS
+        if domain not in _taken and _is_free(7410 + 250 * domain):
+            _taken.add(domain)
+            return domain
+    _taken.clear()
+    return free_domain()
+
+
+def _is_free(port: int) -> bool:
+    """Whether the first participant's discovery port of a domain can be had."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(("127.0.0.1", port))
+        except OSError:
+            return False
+    return True
+
+
+def share_interfaces(data_dir: Path, cache: pytest.Cache) -> None:
+    """Let a data folder use the interfaces that an earlier test has generated."""
+    data_dir.mkdir(parents=True, exist_ok=True)
+    link = data_dir / "ros2"
+    if not link.exists():
+        link.symlink_to(cache.mkdir("robot-acp-ros2"), target_is_directory=True)
+
+
+@dataclass
+class StandIn:
+    """A robot's process and its ROS domain; `untouched` when a test left it as it found it."""
+
+    domain: int
+    process: subprocess.Popen[str]
+    untouched: bool = False
+
+
+class StandIns:
+    """Stand-ins in processes of their own, the next one of a kind started while a test uses the one before."""
+
+    def __init__(self, data_dir: Path, cache: pytest.Cache) -> None:
+        self._data_dir = data_dir
+        self._cache = cache
+        self._ready: dict[tuple[str, ...], list[StandIn]] = {}  # how they were started -> those that wait
+        self.share(data_dir)
+
+    def share(self, data_dir: Path) -> None:
+        """Let a data folder use the interfaces that were generated already."""
+        share_interfaces(data_dir, self._cache)
+
+    @contextlib.contextmanager
+    def one(self, *arguments: str) -> Iterator[StandIn]:
+        """A stand-in that is as new."""
+        ready = self._ready.setdefault(arguments, [])
+        stand_in = ready.pop() if ready else start(self._data_dir, *arguments)
+        try:
+            if not stand_in.untouched:
+                assert stand_in.process.stdout is not None
+                assert "on the domain" in stand_in.process.stdout.readline()
+            stand_in.untouched = False
+            if not ready:
+                ready.append(start(self._data_dir, *arguments))
+            yield stand_in
+        finally:
+            if stand_in.untouched:
+                ready.append(stand_in)
+            else:
+                assert end(stand_in.process) == 0
+
+    @contextlib.contextmanager
+    def frozen(self, stand_in: StandIn) -> Iterator[None]:
+        """As if the robot's computer had died: nothing is said any more, and nothing answers."""
+        stand_in.process.send_signal(signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            stand_in.process.send_signal(signal.SIGCONT)
+
+    def close(self) -> None:
+        for stand_in in itertools.chain(*self._ready.values()):
+            end(stand_in.process, signal.SIGKILL)
+
+
+def start(data_dir: Path, *arguments: str) -> StandIn:
+    """Start a stand-in, which says on its standard output when it is there."""
+    domain = free_domain()
+    environment = {"ROBOT_ACP_ROBOT__ROS2__DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    process = Robot(data_dir, environment).spawn("ros2-demo", *arguments, stdout=subprocess.PIPE)
+    return StandIn(domain, process)
