@@ -13,8 +13,8 @@ import msgspec
 
 VERSION = 1
 
-Channel = Literal["state", "scan", "path", "map", "speech"]
-CHANNELS: tuple[Channel, ...] = ("state", "scan", "path", "map", "speech")
+Channel = Literal["state", "scan", "path", "map", "speech", "camera"]
+CHANNELS: tuple[Channel, ...] = ("state", "scan", "path", "map", "speech", "camera")
 
 
 class Message(msgspec.Struct, frozen=True, tag_field="type", omit_defaults=False):
@@ -136,6 +136,16 @@ class Speech(Message, frozen=True, tag="speech"):
     seconds: float
 
 
+class Picture(Message, frozen=True, tag="camera"):
+    """What the camera sees, as JPEG, and where it was taken; at most five a second, while somebody wants them."""
+
+    time: float
+    pose: Pose
+    width: int
+    height: int
+    jpeg: bytes
+
+
 class Hello(Message, frozen=True, tag="hello"):
     """The first message of every connection."""
 
@@ -145,14 +155,14 @@ class Hello(Message, frozen=True, tag="hello"):
 
 
 class Subscribe(msgspec.Struct, frozen=True, tag_field="type", tag="subscribe"):
-    """The one message a reader sends: the channels it wants and, for `state` and `scan`, at most how many a
+    """The one message a reader sends: the channels it wants and, for `state`, `scan` and `camera`, at most how many a
     second. It may be sent again at any time and replaces what was asked before."""
 
     channels: list[Channel]
     rate: float = 20.0
 
 
-AnyMessage = State | Scan | Path | Map | Speech | Hello
+AnyMessage = State | Scan | Path | Map | Speech | Picture | Hello
 
 _encoder = msgspec.msgpack.Encoder()
 _decoder = msgspec.msgpack.Decoder(AnyMessage)

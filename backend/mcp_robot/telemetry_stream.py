@@ -18,6 +18,7 @@ import numpy as np
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from backend import telemetry
+from backend.mcp_robot.camera_feed import CameraFeed
 from backend.mcp_robot.grid import FREE, KEEP_OUT, OccupancyGrid
 from backend.mcp_robot.pilot import Pilot
 from backend.mcp_robot.refusal import Refusal
@@ -27,6 +28,9 @@ MAX_RATE = 60.0
 MIN_RATE = 0.1
 MAP_EVERY = 1.0
 """Seconds between looks for another map, where nothing else is to be sent."""
+
+EARLY = 0.02
+"""Seconds before it is due that a picture is taken for punctual: the next one may be a fifth of a second away."""
 
 Send = Callable[[bytes], Awaitable[None]]
 
@@ -38,6 +42,7 @@ class TelemetryStream:
         self._pilot = pilot
         self._readers: WeakSet[_Reader] = WeakSet()
         self._map: tuple[OccupancyGrid, bytes] | None = None  # the grid encoded last: it is large and seldom changes
+        self._camera = CameraFeed(pilot, self._changed)
         pilot.on_change = self._changed
 
     def _changed(self) -> None:
@@ -57,7 +62,7 @@ class TelemetryStream:
     async def serve(self, websocket: WebSocket) -> None:
         """One reader's connection, from its acceptance to its end."""
         await websocket.accept()
-        reader = _Reader(self._pilot, self._encoded_map, websocket.send_bytes)
+        reader = _Reader(self._pilot, self._encoded_map, self._camera, websocket.send_bytes)
         self._readers.add(reader)
         with contextlib.suppress(WebSocketDisconnect, msgspec.MsgspecError):
             await websocket.send_bytes(
@@ -71,6 +76,7 @@ class TelemetryStream:
                             reader.subscribe(telemetry.decode_subscribe(await websocket.receive_bytes()))
                     finally:
                         sending.cancel()
+                        self._camera.look_away(reader)
             except* (WebSocketDisconnect, KeyError):  # gone, or a text frame where bytes belong
                 pass
             except* msgspec.MsgspecError:
@@ -80,8 +86,15 @@ class TelemetryStream:
 class _Reader:
     """What one reader asked for and has been sent."""
 
-    def __init__(self, pilot: Pilot, encoded_map: Callable[[], tuple[OccupancyGrid, bytes] | None], send: Send) -> None:
+    def __init__(
+        self,
+        pilot: Pilot,
+        encoded_map: Callable[[], tuple[OccupancyGrid, bytes] | None],
+        camera: CameraFeed,
+        send: Send,
+    ) -> None:
         self._pilot = pilot
+        self._camera = camera
         self._encoded_map = encoded_map
         self._send = send
         self._channels: frozenset[Channel] = frozenset()  # replaced by subscribe
@@ -90,11 +103,14 @@ class _Reader:
         self._grid: OccupancyGrid | None = None  # the map sent last
         self._path: Path | None = None  # the one sent last
         self._speech: Speech | None = pilot.speech  # likewise; what was said before is over
+        self._picture: bytes | None = None  # likewise
+        self._picture_due = 0.0  # monotonic time of the next picture
         self.wake = asyncio.Event()  # set when there may be something to send before the next state
 
     def subscribe(self, asked: Subscribe) -> None:
         """Replace what it wants."""
         self._channels = frozenset(asked.channels)
+        (self._camera.look if "camera" in self._channels else self._camera.look_away)(self)
         rate = MIN_RATE if math.isnan(asked.rate) else asked.rate
         self._interval = 1.0 / min(max(rate, MIN_RATE), MAX_RATE)
         self._due = 0.0
@@ -127,6 +143,12 @@ class _Reader:
             self._speech = self._pilot.speech
             if self._speech:
                 await self._send(telemetry.encode(self._speech))
+        if "camera" in self._channels and time.monotonic() >= self._picture_due:
+            picture = self._camera.latest
+            if picture is not None and picture is not self._picture:
+                self._picture = picture
+                self._picture_due = time.monotonic() + self._interval - EARLY
+                await self._send(picture)
 
     async def _send_latest(self) -> None:
         if "state" in self._channels:

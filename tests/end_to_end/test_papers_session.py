@@ -1,4 +1,5 @@
-"""The paper's session, P1 to P4, in Chromium against what `robot-acp up` starts, at the robot's real speed.
+"""The paper's session, P1 to P4, in Chromium against what `robot-acp up` starts, at the robot's real speed: on the
+simulator, and on a ROS 2 robot, where the only change is the robot server's flag.
 
 What counts is what the robot did: its own telemetry says where it drove and what it said. A terminal client watches the
 same session over TCP all the while.
@@ -6,16 +7,35 @@ same session over TCP all the while.
 
 from __future__ import annotations
 
+import signal
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
 from playwright.async_api import Page, expect
 
-from tests.end_to_end.conftest import Opener, Up
+from tests.end_to_end.conftest import Opener, Up, start
 from tests.end_to_end.terminal import Terminal
-from tests.processes import Client, Watched, eventually
+from tests.processes import Client, Robot, Watched, end, eventually
+from tests.ros2_robots import needs_ros2, share_interfaces
 
 HALT_S = 0.3
+ROS2 = ("--robot", "ros2", "--ros2-demo")
+
+
+@pytest.fixture(
+    scope="module", params=[pytest.param((), id="simulator"), pytest.param(ROS2, id="ros2", marks=needs_ros2)]
+)
+def up(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
+    """What a person starts, with no flag or with those of ROS 2."""
+    data = tmp_path_factory.mktemp("data")
+    assert request.config.cache is not None
+    if request.param:
+        share_interfaces(data, request.config.cache)
+    running = start(Robot(data), *request.param)
+    yield running
+    assert end(running.process, signal.SIGINT) == 0
 
 
 async def ask(page: Page, text: str) -> None:
@@ -60,7 +80,7 @@ async def test_the_papers_session(up: Up, open_page: Opener, pictures: Path) -> 
     observer = await Client.open(f"tcp://127.0.0.1:{up.robot.agent_port}", answer=None)
 
     async with up.robot.watched() as watched:
-        start = watched.state.pose
+        begin = watched.state.pose
 
         # P1: thought first, the map, a drive with progress, a question, and only then speech.
         await ask(page, "Go to lab 2.3.7 and tell them that the meeting is at noon")
@@ -72,7 +92,7 @@ async def test_the_papers_session(up: Up, open_page: Opener, pictures: Path) -> 
         driving = page.get_by_test_id("tool-card").filter(has_text="Drive to lab 2.3.7")
         await expect(driving).to_contain_text("m to go, about")
         await expect(page.get_by_test_id("robot-state")).to_contain_text("driving to lab 2.3.7")
-        await watched.until(lambda: watched.distance_to(start.x, start.y) > 3, "the robot to be on its way")
+        await watched.until(lambda: watched.distance_to(begin.x, begin.y) > 3, "the robot to be on its way")
         await page.screenshot(path=pictures / "driving.png")
         phone = await open_page(up.login_url, viewport={"width": 390, "height": 844}, device_scale_factor=2)
         await expect(phone.get_by_test_id("tool-card").last).to_contain_text("m to go, about")
@@ -98,7 +118,7 @@ async def test_the_papers_session(up: Up, open_page: Opener, pictures: Path) -> 
         await finished(terminal, 2)
         assert terminal.turn_ends()[-1] == "cancelled"
         assert watched.distance_to(*lab) > 3
-        assert watched.distance_to(start.x, start.y) > 3
+        assert watched.distance_to(begin.x, begin.y) > 3
         halted = watched.state.pose
         await expect(page.get_by_test_id("conversation")).to_contain_text("Cancelled.")
 
@@ -118,8 +138,8 @@ async def test_the_papers_session(up: Up, open_page: Opener, pictures: Path) -> 
         # P4: home.
         await ask(page, "Go back to where you started")
         await finished(terminal, 4)
-        assert watched.distance_to(start.x, start.y) < 0.3
-        assert (halted.x - start.x) ** 2 + (halted.y - start.y) ** 2 > 9
+        assert watched.distance_to(begin.x, begin.y) < 0.3
+        assert (halted.x - begin.x) ** 2 + (halted.y - begin.y) ** 2 > 9
         assert watched.spoken == ["The meeting is at noon.", "Lunch is at two."]
     assert terminal.turn_ends() == ["end_turn", "cancelled", "end_turn", "end_turn"]
 

@@ -11,6 +11,7 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
 from backend import telemetry
+from backend.mcp_robot.camera_feed import RATE
 from backend.mcp_robot.grid import FREE, OCCUPIED, UNKNOWN
 
 from .conftest import Reader, Served, serving
@@ -23,7 +24,7 @@ async def test_the_first_message_says_which_robot_and_which_channels(robot: Serv
 
 
 async def test_a_subscription_brings_map_and_path_once_and_state_and_scan_again_and_again(robot: Served) -> None:
-    async with robot.telemetry(*telemetry.CHANNELS) as reader:
+    async with robot.telemetry(*(c for c in telemetry.CHANNELS if c != "camera")) as reader:
         seen: list[telemetry.AnyMessage] = [await reader.next() for _ in range(12)]
     kinds = [type(message) for message in seen]
     assert kinds.count(telemetry.Map) == 1
@@ -38,6 +39,25 @@ async def test_a_subscription_brings_map_and_path_once_and_state_and_scan_again_
     assert len(scan.ranges) == 360
     behind = scan.ranges[0]  # at -pi: the dock's base, 0.55 m behind the robot's centre
     assert behind == pytest.approx(0.55, abs=0.06)
+
+
+async def test_pictures_come_while_somebody_looks_and_each_only_once(robot: Served) -> None:
+    async with robot.telemetry("camera", rate=60) as one, robot.telemetry("camera", rate=1) as seldom:
+        began = time.monotonic()
+        pictures = [await one.next() for _ in range(6)]
+        took = time.monotonic() - began
+        assert all(isinstance(picture, telemetry.Picture) for picture in pictures)
+        assert took > 5 / (RATE + 1)
+        times = [picture.time for picture in pictures if isinstance(picture, telemetry.Picture)]
+        assert times == sorted(set(times))
+        assert [p.jpeg[:2] for p in pictures if isinstance(p, telemetry.Picture)] == [b"\xff\xd8"] * 6
+        await one.subscribe("state")
+        await one.state()
+        await seldom.subscribe("state")
+        got = 0
+        while isinstance(await seldom.next(), telemetry.Picture):
+            got += 1
+        assert 1 <= got <= took + 2
 
 
 async def test_only_what_was_asked_for_comes(robot: Served) -> None:

@@ -114,6 +114,8 @@ class Stage:
                     self._name = message.robot
                 case telemetry.Speech():
                     pass  # the state says what is being said, and for how long
+                case telemetry.Picture():
+                    pass  # pictures do not go through viser
 
     def lost(self) -> None:
         """Say that the robot is gone; what was seen last stays, greyed."""
