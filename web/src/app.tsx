@@ -1,13 +1,18 @@
-/** The page: who is not logged in sees the login, everybody else the dashboard. */
-import { useEffect } from "react";
+/** The page: who is not logged in sees the login, everybody else the dashboard or, at /kiosk, the kiosk. */
+import { lazy, Suspense, useEffect } from "react";
 import { useTranslation } from "react-i18next";
-import { begin } from "./acp/dashboard";
-import { Dashboard } from "./components/dashboard";
+import { begin } from "./acp/connection";
+import { Crash } from "./components/crash";
 import { LoginPage } from "./components/login-page";
+import { isKiosk } from "./screen";
 import { useStore } from "./state/store";
 
+const SCREENS = { kiosk: () => import("./kiosk/kiosk"), dashboard: () => import("./components/dashboard") };
+/** Only the screen that is asked for is loaded, while the login is being checked. */
+const loading = SCREENS[isKiosk ? "kiosk" : "dashboard"]();
+const Screen = lazy(() => loading);
+
 export function App() {
-  const { t } = useTranslation();
   const auth = useStore((state) => state.auth);
 
   useEffect(() => {
@@ -20,12 +25,22 @@ export function App() {
     return () => window.removeEventListener("hashchange", follow);
   }, []);
 
-  if (auth.status === "checking") {
-    return (
-      <main className="centred" aria-busy="true">
-        <p className="muted">{t("app.checking")}</p>
-      </main>
-    );
-  }
-  return auth.status === "in" ? <Dashboard key={auth.me.name} /> : <LoginPage problem={auth.problem} />;
+  if (auth.status === "checking") return <Wait />;
+  if (auth.status === "out") return <LoginPage problem={auth.problem} />;
+  return (
+    <Crash>
+      <Suspense fallback={<Wait />}>
+        <Screen key={auth.me.name} />
+      </Suspense>
+    </Crash>
+  );
+}
+
+function Wait() {
+  const { t } = useTranslation();
+  return (
+    <main className="centred" aria-busy="true">
+      <p className="muted">{t("app.checking")}</p>
+    </main>
+  );
 }

@@ -1,110 +1,41 @@
-/**
- * Ties the page to the robot: login, the connection, the health of the parts, Stop. Started once when somebody is
- * logged in, ended when nobody is. Stop goes over HTTP and must never depend on the ACP connection.
- */
-import * as http from "../api/http";
-import i18next from "../i18n";
-import { canPrompt } from "../state/rights";
-import { getState, INITIAL, setState, toast } from "../state/store";
-import { sessionOfHash, takeToken } from "./address";
-import { Link } from "./link";
+/** What the dashboard does with the connection: lists and opens sessions, and comes to where somebody has to decide. */
+import { canApprove, canPrompt } from "../state/rights";
+import { getState, setState } from "../state/store";
+import { sessionOfHash } from "./address";
+import { end, start } from "./connection";
 import { ask } from "./questions";
-import { listSessions, openFirst, openSession, receive, setAgent } from "./sessions";
+import { forgetSession, listSessions, openFirst, openSession, watchSession } from "./sessions";
 import type { Telemetry } from "./telemetry";
 
-const CHECK_MS = 5000;
 const LIST_MS = 30_000;
-const TOLD_MS = 1000;
 
-let link: Link | null = null;
-let checks: ReturnType<typeof setInterval> | null = null;
-let lists: ReturnType<typeof setInterval> | null = null;
-/** When Stop or Release was last answered over HTTP; telemetry that was under way then is older. */
-let toldAt = 0;
-/** Counts checks in a row that nobody answered; the second one takes the connection for dead. */
-let unanswered = 0;
+/** The session that this page came to by itself, because it controls the robot; null when there is none. */
+let guest: string | null = null;
 
-/** On loading the page: a token in the address, else the cookie of an earlier login. */
-export async function begin(): Promise<void> {
-  const token = takeToken();
-  if (token !== null) return logIn(token);
-  try {
-    const { me } = await http.whoAmI();
-    setState({ auth: { status: "in", me } });
-  } catch (error) {
-    const refused = error instanceof http.HttpError && error.status === 401;
-    setState({ auth: { status: "out", problem: refused ? "none" : "unreachable" } });
-  }
-}
-
-export async function logIn(token: string): Promise<void> {
-  try {
-    setState({ auth: { status: "in", me: await http.login(token) } });
-  } catch (error) {
-    const status = error instanceof http.HttpError ? error.status : 0;
-    const problem = status >= 400 && status < 500 ? "invalid" : "unreachable";
-    setState({ auth: { status: "out", problem } });
-  }
-}
-
-export async function logOut(): Promise<void> {
-  end();
-  await http.logout().catch(() => undefined);
-  setState({ ...INITIAL, auth: { status: "out", problem: "none" } });
-}
-
-function loginEnded(): void {
-  end();
-  setState({ ...INITIAL, auth: { status: "out", problem: "expired" } });
-}
-
-export function start(): void {
-  if (link !== null) return;
-  const url = new URL("/acp", window.location.href);
-  url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
-  link = new Link(url.href, {
-    onState: (state) => setState({ link: state }),
-    onUpdate: receive,
-    onTelemetry: takeTelemetry,
-    onQuestion: ask,
-    onOpen: async (agent, hello) => {
-      setAgent(agent);
+/** Returns what ends it. */
+export function startDashboard(): () => void {
+  start({
+    onOpen: async (_agent, hello) => {
+      guest = null;
       setState({ canDelete: hello.agentCapabilities?.sessionCapabilities?.delete != null });
       await listSessions();
       const { auth } = getState();
       await openFirst(auth.status === "in" && canPrompt(auth.me.role));
     },
-    onLost: () => {
-      setAgent(null);
-      setState({ telemetry: null });
-      void check();
-    },
+    onQuestion: ask,
+    onTelemetry: followRobot,
   });
-  link.start();
-  void check();
-  checks = setInterval(() => void check(), CHECK_MS);
-  lists = setInterval(() => {
+  const lists = setInterval(() => {
     if (document.visibilityState === "visible") void listSessions().catch(() => undefined);
   }, LIST_MS);
-  window.addEventListener("online", tryNow);
   window.addEventListener("hashchange", followAddress);
   window.addEventListener("popstate", followAddress);
-}
-
-export function end(): void {
-  link?.end();
-  link = null;
-  setAgent(null);
-  if (checks !== null) clearInterval(checks);
-  if (lists !== null) clearInterval(lists);
-  window.removeEventListener("online", tryNow);
-  window.removeEventListener("hashchange", followAddress);
-  window.removeEventListener("popstate", followAddress);
-}
-
-export function tryNow(): void {
-  void check();
-  link?.tryNow();
+  return () => {
+    clearInterval(lists);
+    window.removeEventListener("hashchange", followAddress);
+    window.removeEventListener("popstate", followAddress);
+    end();
+  };
 }
 
 function followAddress(): void {
@@ -114,56 +45,19 @@ function followAddress(): void {
   }
 }
 
-function takeTelemetry(telemetry: Telemetry): void {
-  const current = telemetry.online && !getState().stopBusy && Date.now() - toldAt > TOLD_MS;
-  setState({ telemetry, ...(current ? { stop: telemetry.stop } : {}) });
-}
-
-/** How quick the link is, whether the login still counts, and how the parts behind the bridge are. */
-async function check(): Promise<void> {
-  try {
-    const { me, latencyMs, clockOffsetMs } = await http.whoAmI();
-    unanswered = 0;
-    setState((state) => ({
-      reachable: true,
-      latencyMs,
-      clockOffsetMs: clockOffsetMs ?? state.clockOffsetMs,
-      ...(state.auth.status === "in" ? { auth: { status: "in", me } } : {}),
-    }));
-    setState({ health: await http.health() });
-  } catch (error) {
-    if (error instanceof http.HttpError && error.status === 401) {
-      loginEnded();
-      return;
-    }
-    if (error instanceof http.HttpError && error.status !== 0) return;
-    setState({ reachable: false, latencyMs: null });
-    if (++unanswered >= 2) link?.drop();
-  }
-}
-
-/** Stops the robot. Nothing comes before it, and a failure is said loudly. */
-export async function stopRobot(): Promise<void> {
-  setState({ stopBusy: true, stopError: null });
-  try {
-    const stop = await http.stopRobot();
-    toldAt = Date.now();
-    setState({ stop, stopError: null });
-  } catch (error) {
-    const sentence = error instanceof http.HttpError ? error.message : "";
-    setState({ stopError: sentence === "" ? i18next.t("stop.noAnswer") : sentence });
-  } finally {
-    setState({ stopBusy: false });
-  }
-}
-
-export async function releaseRobot(): Promise<void> {
-  try {
-    await http.releaseRobot();
-    toldAt = Date.now();
-    setState({ stop: null });
-  } catch (error) {
-    const sentence = error instanceof http.HttpError ? error.message : "";
-    toast("danger", sentence === "" ? i18next.t("stop.releaseFailed") : sentence);
-  }
+/**
+ * Whoever may decide watches the session that controls the robot, also when it was begun elsewhere, as at a kiosk:
+ * only those who watch a session are asked what it may do.
+ */
+function followRobot({ turn }: Telemetry): void {
+  const { auth, attached } = getState();
+  const holder = turn?.sessionId ?? null;
+  if (holder === guest || auth.status !== "in" || !canApprove(auth.me.role)) return;
+  if (guest !== null) forgetSession(guest);
+  guest = null;
+  if (holder === null || attached.has(holder)) return;
+  guest = holder;
+  void watchSession(holder).then(() => {
+    if (guest !== holder) forgetSession(holder); // its turn was over before it was here
+  });
 }

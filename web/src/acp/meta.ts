@@ -23,6 +23,8 @@ export interface Decision {
   reason: string;
 }
 
+export type Waiting = "permission" | "robot";
+
 export function isRecord(value: unknown): value is Record<string, unknown> {
   return typeof value === "object" && value !== null && !Array.isArray(value);
 }
@@ -62,6 +64,13 @@ export function progressOf(meta: Meta): Progress | null {
     fraction: fraction === null ? null : Math.min(1, Math.max(0, fraction)),
     message: asString(progress["message"]) ?? "",
   };
+}
+
+/** What a call that is pending waits for; null when it waits for nothing that the agent names. */
+export function waitingOf(meta: Meta): Waiting | null {
+  const waiting = meta?.["robot-acp/waiting"];
+  const reason = isRecord(waiting) ? waiting["for"] : null;
+  return reason === "permission" || reason === "robot" ? reason : null;
 }
 
 export function decisionOf(meta: Meta): Decision | null {

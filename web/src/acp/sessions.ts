@@ -24,14 +24,18 @@ const CWD = "/";
 /** Null while there is no connection: the one place from which the functions below reach the agent. */
 let agent: ClientContext | null = null;
 
+export const theAgent = (): ClientContext | null => agent;
+
 export function setAgent(next: ClientContext | null): void {
   agent = next;
   if (next === null) setState({ attached: new Set(), drafts: {} });
 }
 
+/** What comes late for a session that is not here any more changes nothing. */
 function change(sessionId: string, fn: (conversation: Conversation) => Conversation): void {
   setState((state) => {
-    const conversation = state.conversations[sessionId] ?? EMPTY;
+    const conversation = state.conversations[sessionId];
+    if (conversation === undefined) return {};
     return { conversations: { ...state.conversations, [sessionId]: fn(conversation) } };
   });
 }
@@ -101,7 +105,7 @@ export async function openFirst(mayPrompt: boolean): Promise<void> {
   else setState({ currentId: null, opening: false });
 }
 
-function attach(sessionId: string, answer: NewSessionResponse | LoadSessionResponse): void {
+export function attach(sessionId: string, answer: NewSessionResponse | LoadSessionResponse): void {
   setState((state) => {
     const { [sessionId]: draft = EMPTY, ...drafts } = state.drafts;
     return {
@@ -120,15 +124,10 @@ export async function openSession(sessionId: string): Promise<boolean> {
   rememberSession(sessionId);
   const peer = agent;
   if (attached.has(sessionId) || sessionId in drafts || peer === null) return true;
-  setState((state) => ({ drafts: { ...state.drafts, [sessionId]: EMPTY } }));
   try {
-    attach(
-      sessionId,
-      await peer.request(methods.agent.session.load, { sessionId, cwd: CWD, mcpServers: [] }),
-    );
+    await load(peer, sessionId);
     return true;
   } catch (error) {
-    forgetDraft(sessionId);
     if (!(error instanceof RequestError)) throw error;
     toast("info", i18next.t("sessions.gone"));
     setState((state) => ({
@@ -137,6 +136,42 @@ export async function openSession(sessionId: string): Promise<boolean> {
     }));
     return false;
   }
+}
+
+/** Replays a session and watches it from then on. Throws `RequestError` when the agent knows none. */
+export async function load(peer: ClientContext, sessionId: string): Promise<void> {
+  setState((state) => ({ drafts: { ...state.drafts, [sessionId]: EMPTY } }));
+  try {
+    attach(
+      sessionId,
+      await peer.request(methods.agent.session.load, { sessionId, cwd: CWD, mcpServers: [] }),
+    );
+  } catch (error) {
+    forgetDraft(sessionId);
+    throw error;
+  }
+}
+
+/** Watches a session without showing it, to be asked its questions. */
+export async function watchSession(sessionId: string): Promise<void> {
+  if (agent === null || sessionId in getState().drafts) return;
+  // Gone, or the connection is: there is nothing to watch.
+  await load(agent, sessionId).catch(() => undefined);
+  await listSessions().catch(() => undefined);
+}
+
+/** Lets go of a session that is only watched: what comes of it is not kept any more. */
+export function forgetSession(sessionId: string): void {
+  const { currentId, questions } = getState();
+  if (sessionId === currentId || questions.some((question) => question.sessionId === sessionId)) return;
+  setState((state) => {
+    const { [sessionId]: _, ...conversations } = state.conversations;
+    const attached = new Set(state.attached);
+    attached.delete(sessionId);
+    return { conversations, attached };
+  });
+  // An agent that does not know this goes on sending, and that is dropped.
+  agent?.request("_robot/leave", { sessionId }).catch(() => undefined);
 }
 
 function forgetDraft(sessionId: string): void {
@@ -174,13 +209,24 @@ export async function deleteSession(sessionId: string): Promise<void> {
   if (getState().currentId === null) await openFirst(true);
 }
 
-/** Sends a prompt and returns when its turn is over. */
+/** Sends a prompt in the session on the screen and returns when its turn is over. */
 export async function prompt(text: string, author: string): Promise<void> {
   const sessionId = getState().currentId;
-  const peer = agent;
-  if (peer === null || sessionId === null) return;
-  change(sessionId, (conversation) => promptSent(conversation, text, author));
+  if (agent === null || sessionId === null) return;
   setState((state) => ({ sessions: withCurrent(state.sessions, sessionId, text) }));
+  await send(agent, sessionId, text, author);
+  await listSessions().catch(() => undefined);
+}
+
+/** Sends a prompt and returns when its turn is over; `shown` is what the person reads, where that is put otherwise. */
+export async function send(
+  peer: ClientContext,
+  sessionId: string,
+  text: string,
+  author: string,
+  shown = text,
+): Promise<void> {
+  change(sessionId, (conversation) => promptSent(conversation, shown, author));
   try {
     const answer = await peer.request(methods.agent.session.prompt, {
       sessionId,
@@ -193,7 +239,6 @@ export async function prompt(text: string, author: string): Promise<void> {
     change(sessionId, (conversation) => promptFailed(conversation, error.message));
   }
   closeQuestionsOf(sessionId);
-  await listSessions().catch(() => undefined);
 }
 
 function withCurrent(

@@ -1,7 +1,7 @@
 /** What is cut off right now, and what happens next: the network, the agent, or the robot. */
 import { CloudOff, Unplug } from "lucide-react";
 import { useTranslation } from "react-i18next";
-import { tryNow } from "../acp/dashboard";
+import { tryNow } from "../acp/connection";
 import { useNow } from "../hooks/use-now";
 import { robotName, useStore } from "../state/store";
 

@@ -1,7 +1,7 @@
 /** The supervisor's screen: what stands where on a wide window, a tablet and a phone. */
 import { useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
-import { end, start } from "../acp/dashboard";
+import { startDashboard } from "../acp/dashboard";
 import { useLayout } from "../hooks/use-media";
 import { robotName, useStore } from "../state/store";
 import { ConnectionBand } from "./connection-band";
@@ -14,17 +14,14 @@ import { TalkPane } from "./talk-pane";
 import { Toasts } from "./toasts";
 import { focusQuestion } from "./question-card";
 
-export function Dashboard() {
+export default function Dashboard() {
   const { t } = useTranslation();
   const layout = useLayout();
   const [tab, setTab] = useState<Tab>("talk");
   const [drawer, setDrawer] = useState(false);
   useDocumentTitle();
 
-  useEffect(() => {
-    start();
-    return end;
-  }, []);
+  useEffect(startDashboard, []);
 
   const phone = layout === "phone";
   const showQuestion = (): void => {

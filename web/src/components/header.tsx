@@ -4,6 +4,7 @@ import {
   BatteryFull,
   BatteryLow,
   BatteryMedium,
+  Check,
   CircleUserRound,
   Gauge,
   Hand,
@@ -17,9 +18,10 @@ import {
 import { Dialog, DropdownMenu } from "radix-ui";
 import type { ReactNode } from "react";
 import { useTranslation } from "react-i18next";
-import { logOut } from "../acp/dashboard";
+import { logOut } from "../acp/connection";
 import type { Layout } from "../hooks/use-media";
 import { useRobotState } from "../hooks/use-robot-state";
+import { LANGUAGES, speakAlways } from "../i18n";
 import { fixed, percent, speed } from "../i18n/format";
 import { robotName, useMe, useStore } from "../state/store";
 import { Mark } from "./mark";
@@ -187,7 +189,7 @@ function QuestionChip({ onClick }: { onClick: () => void }) {
 }
 
 function MeMenu() {
-  const { t } = useTranslation();
+  const { t, i18n } = useTranslation();
   const me = useMe();
   return (
     <DropdownMenu.Root>
@@ -201,6 +203,18 @@ function MeMenu() {
       </DropdownMenu.Trigger>
       <DropdownMenu.Portal>
         <DropdownMenu.Content className="menu" align="end" sideOffset={4} collisionPadding={8}>
+          <DropdownMenu.Label className="menu-label">{t("language.label")}</DropdownMenu.Label>
+          <DropdownMenu.RadioGroup value={i18n.language} onValueChange={speakAlways}>
+            {LANGUAGES.map(({ code, name }) => (
+              <DropdownMenu.RadioItem key={code} value={code} lang={code} className="menu-item menu-choice">
+                <DropdownMenu.ItemIndicator className="select-check">
+                  <Check aria-hidden />
+                </DropdownMenu.ItemIndicator>
+                {name}
+              </DropdownMenu.RadioItem>
+            ))}
+          </DropdownMenu.RadioGroup>
+          <DropdownMenu.Separator className="menu-line" />
           <DropdownMenu.Item className="menu-item" onSelect={() => void logOut()}>
             <LogOut aria-hidden /> {t("status.logOut")}
           </DropdownMenu.Item>
@@ -212,7 +226,7 @@ function MeMenu() {
 
 /** Mode, model and login on smaller screens, where the line at the top has no room for them. */
 function SettingsDialog() {
-  const { t } = useTranslation();
+  const { t, i18n } = useTranslation();
   const me = useMe();
   return (
     <Dialog.Root>
@@ -228,6 +242,20 @@ function SettingsDialog() {
           </p>
           <div className="settings-stack">
             <SettingSelects />
+          </div>
+          <div className="languages" role="group" aria-label={t("language.label")}>
+            {LANGUAGES.map(({ code, name }) => (
+              <button
+                key={code}
+                type="button"
+                className="button"
+                lang={code}
+                aria-pressed={i18n.language === code}
+                onClick={() => speakAlways(code)}
+              >
+                {name}
+              </button>
+            ))}
           </div>
           <p className="me-line">
             <CircleUserRound aria-hidden />

@@ -1,9 +1,20 @@
 /** The page for those who are not let in (yet): what to do, and a field for a link or token. */
 import { LogIn, RotateCw } from "lucide-react";
-import { useState, type SubmitEvent } from "react";
+import { useEffect, useState, type SubmitEvent } from "react";
 import { useTranslation } from "react-i18next";
-import { begin, logIn } from "../acp/dashboard";
+import { begin, logIn } from "../acp/connection";
+import { isKiosk } from "../screen";
 import { Mark } from "./mark";
+
+const AGAIN_MS = 5000;
+
+/** A kiosk has words of its own: who stands before it is not who can log it in. */
+const KIOSK = {
+  none: "login.kioskNone",
+  invalid: "login.kioskInvalid",
+  expired: "login.kioskExpired",
+  unreachable: "login.kioskUnreachable",
+} as const;
 
 type Problem = "none" | "invalid" | "expired" | "unreachable";
 
@@ -17,6 +28,13 @@ export function LoginPage({ problem }: { problem: Problem }) {
   const [pasted, setPasted] = useState("");
   const [busy, setBusy] = useState(false);
   const token = tokenIn(pasted);
+
+  // Nobody at a kiosk can be asked to try again.
+  useEffect(() => {
+    if (!isKiosk || problem !== "unreachable") return;
+    const timer = setInterval(() => void begin(), AGAIN_MS);
+    return () => clearInterval(timer);
+  }, [problem]);
 
   const submit = (event: SubmitEvent): void => {
     event.preventDefault();
@@ -32,9 +50,9 @@ export function LoginPage({ problem }: { problem: Problem }) {
           <Mark />
           <span>robot-acp</span>
         </div>
-        <h1>{t("login.title")}</h1>
+        <h1>{t(isKiosk ? "login.kioskTitle" : "login.title")}</h1>
         <p role={problem === "none" ? undefined : "alert"} data-testid="login-problem">
-          {t(`login.${problem}`)}
+          {t(isKiosk ? KIOSK[problem] : `login.${problem}`)}
         </p>
         {problem === "unreachable" ? (
           <button type="button" className="button primary" onClick={() => void begin()}>

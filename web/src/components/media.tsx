@@ -5,7 +5,7 @@ import { useEffect, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
 
 /** Only what a browser shows or plays without executing anything. */
-function safeType(mimeType: string, kind: "image" | "audio"): string {
+export function safeType(mimeType: string, kind: "image" | "audio"): string {
   return new RegExp(`^${kind}/(?!svg)[\\w.+-]+$`).test(mimeType) ? mimeType : `${kind}/*`;
 }
 

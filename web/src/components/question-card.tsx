@@ -31,7 +31,9 @@ export function QuestionDock() {
   const waits = useStore((state) => {
     const conversation = state.currentId === null ? undefined : state.conversations[state.currentId];
     const last = conversation?.turn ? conversation.items.findLast((item) => item.kind === "tool") : undefined;
-    return last?.kind === "tool" && last.status === "pending" && last.decision === null;
+    return (
+      last?.kind === "tool" && last.status === "pending" && last.decision === null && last.waiting !== "robot"
+    );
   });
   if (question !== null) return <QuestionCard key={question.key} question={question} count={count} />;
   if (waits && !canApprove(me.role)) {

@@ -1,13 +1,10 @@
 /** The live map, and in words what it shows. */
-import { MapPinOff } from "lucide-react";
-import { useEffect, useState } from "react";
+import { useState } from "react";
 import { useTranslation } from "react-i18next";
 import { degrees, fixed, metres, percent, seconds, speed } from "../i18n/format";
 import { useRobotState } from "../hooks/use-robot-state";
 import { robotName, useStore } from "../state/store";
-
-const SCENE = "/scene/";
-const ASK_AGAIN_MS = 5000;
+import { Scene } from "./scene";
 
 /** `lazy`: the map costs power and data, so a phone loads it when it is looked at first, and keeps it then. */
 export function ScenePane({ hidden, lazy }: { hidden: boolean; lazy: boolean }) {
@@ -20,47 +17,6 @@ export function ScenePane({ hidden, lazy }: { hidden: boolean; lazy: boolean }) 
       <StatusList />
     </section>
   );
-}
-
-function Scene() {
-  const { t } = useTranslation();
-  const robot = useStore(robotName);
-  const there = useSceneThere();
-  if (there === true) return <iframe src={SCENE} title={t("scene.frame", { robot })} />;
-  return (
-    <div className="scene-none">
-      {there === false && (
-        <>
-          <MapPinOff aria-hidden />
-          <p>{t("scene.unavailable")}</p>
-          <p className="muted small">{t("scene.unavailableHint")}</p>
-        </>
-      )}
-    </div>
-  );
-}
-
-/** Whether the scene answers; asked until it does. Null while nobody knows. */
-function useSceneThere(): boolean | null {
-  const [there, setThere] = useState<boolean | null>(null);
-  const online = useStore((state) => state.reachable);
-  useEffect(() => {
-    if (there === true || !online) return;
-    let over = false;
-    const ask = async (): Promise<void> => {
-      const answer = await fetch(SCENE, { credentials: "same-origin" }).catch(() => null);
-      const type = answer?.headers.get("Content-Type") ?? "";
-      await answer?.body?.cancel().catch(() => undefined);
-      if (!over) setThere(answer?.ok === true && type.startsWith("text/html"));
-    };
-    void ask();
-    const timer = setInterval(() => void ask(), ASK_AGAIN_MS);
-    return () => {
-      over = true;
-      clearInterval(timer);
-    };
-  }, [there, online]);
-  return there;
 }
 
 function StatusList() {

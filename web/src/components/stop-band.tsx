@@ -2,7 +2,7 @@
 import { OctagonAlert, OctagonX, X } from "lucide-react";
 import { useState } from "react";
 import { useTranslation } from "react-i18next";
-import { releaseRobot, stopRobot } from "../acp/dashboard";
+import { releaseRobot, stopRobot } from "../acp/connection";
 import { clock } from "../i18n/format";
 import { canRelease } from "../state/rights";
 import { robotName, setState, useMe, useStore } from "../state/store";

@@ -38,7 +38,7 @@ export function ToolCard({ item }: { item: ToolItem }) {
       (question) => question.toolCallId === item.id && question.sessionId === state.currentId,
     ),
   );
-  const outcome = outcomeOf(item, asking);
+  const outcome = outcomeOf(item, asking || item.waiting === "permission");
   const summary = summaryOf(item, outcome);
   const Icon = ICONS[outcome];
   return (

@@ -6,7 +6,7 @@ import type {
   SessionMode,
   ToolCallContent,
 } from "@agentclientprotocol/sdk";
-import type { Decision, Progress } from "../acp/meta";
+import type { Decision, Progress, Waiting } from "../acp/meta";
 
 export type ToolStatus = "pending" | "in_progress" | "completed" | "failed";
 
@@ -45,6 +45,8 @@ export interface ToolItem {
   input: unknown;
   output: unknown;
   progress: Progress | null;
+  /** What it waits for before it begins. */
+  waiting: Waiting | null;
   decision: Decision | null;
 }
 

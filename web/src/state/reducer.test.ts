@@ -398,3 +398,43 @@ describe("data of the wrong shape under _meta", () => {
     expect(state.turn).toBeNull();
   });
 });
+
+describe("what a tool call waits for", () => {
+  const announced: SessionUpdate = {
+    sessionUpdate: "tool_call",
+    toolCallId: "c9",
+    title: "Say aloud: “Hello.”",
+    status: "pending",
+  };
+  const waits = (reason: unknown): SessionUpdate => ({
+    sessionUpdate: "tool_call_update",
+    toolCallId: "c9",
+    status: "pending",
+    content: [{ type: "content", content: text("waiting for somebody who may allow it") }],
+    _meta: { "robot-acp/waiting": reason },
+  });
+  function played(...updates: SessionUpdate[]): ToolItem {
+    const [item] = play(numbered([announced, ...updates])).items;
+    if (item?.kind !== "tool") throw new Error("there is no tool call");
+    return item;
+  }
+
+  it("is kept while it is pending, and its words are no result", () => {
+    const item = played(waits({ for: "robot" }), waits({ for: "permission", timeout_s: 60 }));
+    expect(item.waiting).toBe("permission");
+    expect(item.content).toEqual([]);
+  });
+
+  it("is over with any other status", () => {
+    for (const status of ["in_progress", "completed", "failed"] as const) {
+      const next: SessionUpdate = { sessionUpdate: "tool_call_update", toolCallId: "c9", status };
+      expect(played(waits({ for: "permission" }), next).waiting).toBeNull();
+    }
+  });
+
+  it("is nothing when it cannot be read", () => {
+    for (const wrong of [null, "permission", { for: 7 }, { for: "tea" }]) {
+      expect(played(waits(wrong)).waiting).toBeNull();
+    }
+  });
+});

@@ -12,7 +12,7 @@ import type {
   ToolCall,
   ToolCallUpdate,
 } from "@agentclientprotocol/sdk";
-import { authorOf, decisionOf, progressOf, seqOf, toolOf, turnOf } from "../acp/meta";
+import { authorOf, decisionOf, progressOf, seqOf, toolOf, turnOf, waitingOf } from "../acp/meta";
 import type { AgentItem, Conversation, Item, NoteItem, ToolItem, UserItem } from "./conversation";
 
 type Update<Kind extends SessionUpdate["sessionUpdate"]> = Extract<SessionUpdate, { sessionUpdate: Kind }>;
@@ -128,6 +128,7 @@ function toolCall(state: Conversation, call: ToolCall): Conversation {
     input: call.rawInput,
     output: call.rawOutput,
     progress: progressOf(call._meta),
+    waiting: waitingOf(call._meta),
     decision: decisionOf(call._meta),
   });
 }
@@ -137,6 +138,7 @@ function toolCallUpdate(state: Conversation, update: ToolCallUpdate): Conversati
   const item = state.items[index];
   if (item?.kind !== "tool") return toolCall(state, { ...update, title: update.title ?? "" } as ToolCall);
   const progress = progressOf(update._meta);
+  const waiting = waitingOf(update._meta);
   const status = update.status ?? item.status;
   const ended = status === "completed" || status === "failed";
   return replaceAt(state, index, {
@@ -144,11 +146,12 @@ function toolCallUpdate(state: Conversation, update: ToolCallUpdate): Conversati
     status,
     title: update.title ?? item.title,
     tool: toolOf(update._meta) ?? item.tool,
-    // The content of a progress update repeats the progress in words; it is not a result.
-    content: progress === null ? (update.content ?? item.content) : item.content,
+    // The content of a progress or a wait repeats it in words; it is not a result.
+    content: progress === null && waiting === null ? (update.content ?? item.content) : item.content,
     input: update.rawInput ?? item.input,
     output: update.rawOutput ?? item.output,
     progress: ended ? null : (progress ?? item.progress),
+    waiting: status === "pending" ? (waiting ?? item.waiting) : null,
     decision: decisionOf(update._meta) ?? item.decision,
   });
 }

@@ -4,6 +4,7 @@
  */
 import type { PermissionOption, RequestPermissionResponse, SessionInfo } from "@agentclientprotocol/sdk";
 import { create } from "zustand";
+import type { Abilities } from "../acp/abilities";
 import type { LinkState } from "../acp/link";
 import type { Stop, Telemetry } from "../acp/telemetry";
 import type { Health, Me } from "../api/http";
@@ -60,6 +61,8 @@ export interface State {
   attached: ReadonlySet<string>;
 
   questions: Question[];
+  /** What the robot can do, where a screen asked for that; null until it is known. */
+  abilities: Abilities | null;
   telemetry: Telemetry | null;
   /** What Stop and Release answered over HTTP, until telemetry knows better. */
   stop: Stop | null;
@@ -86,6 +89,7 @@ export const INITIAL: State = {
   drafts: {},
   attached: new Set(),
   questions: [],
+  abilities: null,
   telemetry: null,
   stop: null,
   stopBusy: false,

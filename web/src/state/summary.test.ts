@@ -15,6 +15,7 @@ function item(fields: Partial<ToolItem>, text?: string): ToolItem {
     input: {},
     output: undefined,
     progress: null,
+    waiting: null,
     decision: null,
     ...fields,
   };

@@ -1,0 +1,159 @@
+/**
+ * Ties the page to the robot, for every screen: login, the connection, the health of the parts, Stop. Started once when
+ * somebody is logged in, ended when nobody is. Stop goes over HTTP and must never depend on the ACP connection.
+ */
+import type { ClientContext, InitializeResponse } from "@agentclientprotocol/sdk";
+import * as http from "../api/http";
+import i18next from "../i18n";
+import { getState, INITIAL, setState, toast } from "../state/store";
+import { takeToken } from "./address";
+import { Link, type LinkEvents } from "./link";
+import { receive, setAgent } from "./sessions";
+import type { Telemetry } from "./telemetry";
+
+const CHECK_MS = 5000;
+const TOLD_MS = 1000;
+
+/** What a screen makes of the connection. */
+export interface Screen {
+  /** The agent answers; the connection counts as good when this has resolved. */
+  onOpen: (agent: ClientContext, hello: InitializeResponse) => Promise<void>;
+  onQuestion: LinkEvents["onQuestion"];
+  onTelemetry?: (telemetry: Telemetry) => void;
+}
+
+let link: Link | null = null;
+let checks: ReturnType<typeof setInterval> | null = null;
+/** When Stop or Release was last answered over HTTP; telemetry that was under way then is older. */
+let toldAt = 0;
+/** Counts checks in a row that nobody answered; the second one takes the connection for dead. */
+let unanswered = 0;
+
+/** On loading the page: a token in the address, else the cookie of an earlier login. */
+export async function begin(): Promise<void> {
+  const token = takeToken();
+  if (token !== null) return logIn(token);
+  try {
+    const { me } = await http.whoAmI();
+    setState({ auth: { status: "in", me } });
+  } catch (error) {
+    const refused = error instanceof http.HttpError && error.status === 401;
+    setState({ auth: { status: "out", problem: refused ? "none" : "unreachable" } });
+  }
+}
+
+export async function logIn(token: string): Promise<void> {
+  try {
+    setState({ auth: { status: "in", me: await http.login(token) } });
+  } catch (error) {
+    const status = error instanceof http.HttpError ? error.status : 0;
+    const problem = status >= 400 && status < 500 ? "invalid" : "unreachable";
+    setState({ auth: { status: "out", problem } });
+  }
+}
+
+export async function logOut(): Promise<void> {
+  end();
+  await http.logout().catch(() => undefined);
+  setState({ ...INITIAL, auth: { status: "out", problem: "none" } });
+}
+
+function loginEnded(): void {
+  end();
+  setState({ ...INITIAL, auth: { status: "out", problem: "expired" } });
+}
+
+export function start(screen: Screen): void {
+  if (link !== null) return;
+  const url = new URL("/acp", window.location.href);
+  url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
+  link = new Link(url.href, {
+    onState: (state) => setState({ link: state }),
+    onUpdate: receive,
+    onTelemetry: (telemetry) => {
+      takeTelemetry(telemetry);
+      screen.onTelemetry?.(telemetry);
+    },
+    onQuestion: screen.onQuestion,
+    onOpen: (agent, hello) => {
+      setAgent(agent);
+      return screen.onOpen(agent, hello);
+    },
+    onLost: () => {
+      setAgent(null);
+      setState({ telemetry: null });
+      void check();
+    },
+  });
+  link.start();
+  void check();
+  checks = setInterval(() => void check(), CHECK_MS);
+  window.addEventListener("online", tryNow);
+}
+
+export function end(): void {
+  link?.end();
+  link = null;
+  setAgent(null);
+  if (checks !== null) clearInterval(checks);
+  window.removeEventListener("online", tryNow);
+}
+
+export function tryNow(): void {
+  void check();
+  link?.tryNow();
+}
+
+function takeTelemetry(telemetry: Telemetry): void {
+  const current = telemetry.online && !getState().stopBusy && Date.now() - toldAt > TOLD_MS;
+  setState({ telemetry, ...(current ? { stop: telemetry.stop } : {}) });
+}
+
+/** How quick the link is, whether the login still counts, and how the parts behind the bridge are. */
+async function check(): Promise<void> {
+  try {
+    const { me, latencyMs, clockOffsetMs } = await http.whoAmI();
+    unanswered = 0;
+    setState((state) => ({
+      reachable: true,
+      latencyMs,
+      clockOffsetMs: clockOffsetMs ?? state.clockOffsetMs,
+      ...(state.auth.status === "in" ? { auth: { status: "in", me } } : {}),
+    }));
+    setState({ health: await http.health() });
+  } catch (error) {
+    if (error instanceof http.HttpError && error.status === 401) {
+      loginEnded();
+      return;
+    }
+    if (error instanceof http.HttpError && error.status !== 0) return;
+    setState({ reachable: false, latencyMs: null });
+    if (++unanswered >= 2) link?.drop();
+  }
+}
+
+/** Stops the robot. Nothing comes before it, and a failure is said loudly. */
+export async function stopRobot(): Promise<void> {
+  setState({ stopBusy: true, stopError: null });
+  try {
+    const stop = await http.stopRobot();
+    toldAt = Date.now();
+    setState({ stop, stopError: null });
+  } catch (error) {
+    const sentence = error instanceof http.HttpError ? error.message : "";
+    setState({ stopError: sentence === "" ? i18next.t("stop.noAnswer") : sentence });
+  } finally {
+    setState({ stopBusy: false });
+  }
+}
+
+export async function releaseRobot(): Promise<void> {
+  try {
+    await http.releaseRobot();
+    toldAt = Date.now();
+    setState({ stop: null });
+  } catch (error) {
+    const sentence = error instanceof http.HttpError ? error.message : "";
+    toast("danger", sentence === "" ? i18next.t("stop.releaseFailed") : sentence);
+  }
+}

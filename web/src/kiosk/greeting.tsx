@@ -1,0 +1,19 @@
+/** What the next visitor sees first. */
+import { useTranslation } from "react-i18next";
+import { robotName, useStore } from "../state/store";
+import { useDoing, useDoingWords } from "./use-doing";
+
+export function Greeting() {
+  const { t } = useTranslation();
+  const robot = useStore(robotName);
+  const doing = useDoing();
+  const words = useDoingWords(doing);
+  return (
+    <div className="kiosk-greeting">
+      <h1>{t("kiosk.hello", { robot })}</h1>
+      <p className="kiosk-lead" role="status" data-testid="kiosk-status" data-doing={doing.kind}>
+        {doing.kind === "nothing" ? t("kiosk.whatNow") : words}
+      </p>
+    </div>
+  );
+}

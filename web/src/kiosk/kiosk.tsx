@@ -1,0 +1,101 @@
+/** The visitor's screen: a greeting with suggestions, then what was asked, what the robot does, and its answer. */
+import { useCallback, useEffect, useState } from "react";
+import { useTranslation } from "react-i18next";
+import { stopRobot } from "../acp/connection";
+import { ask, endVisit, startKiosk, type Wish } from "../acp/visit";
+import { StopButton } from "../components/stop-button";
+import { firstLanguage, speak } from "../i18n";
+import { canPrompt } from "../state/rights";
+import { robotName, setState, useConversation, useMe, useStore } from "../state/store";
+import { AskBar } from "./ask-bar";
+import { Answer } from "./answer";
+import { Greeting } from "./greeting";
+import { KioskMap } from "./kiosk-map";
+import "./kiosk.css";
+import { Notices } from "./notices";
+import { kioskSettings } from "./settings";
+import { StillThere } from "./still-there";
+import { Suggestions } from "./suggestion-list";
+import { TopLine } from "./top-line";
+import { useRest } from "./use-rest";
+import { isOutdated } from "./version";
+
+const SETTINGS = kioskSettings(window.location.search);
+
+export default function Kiosk() {
+  const { t, i18n } = useTranslation();
+  const me = useMe();
+  const robot = useStore(robotName);
+  const conversation = useConversation();
+  const visiting = useStore((state) => state.currentId !== null || state.opening);
+  const opening = useStore((state) => state.opening);
+  const online = useStore((state) => state.link.status === "online");
+  const [text, setText] = useState("");
+  const [failed, setFailed] = useState(false);
+  const running = conversation.turn !== null || opening;
+
+  useEffect(startKiosk, []);
+  useEffect(() => {
+    document.title = t("kiosk.title", { robot });
+  }, [t, robot]);
+
+  const startOver = useCallback(() => {
+    endVisit();
+    setText("");
+    setFailed(false);
+    setState({ stopError: null });
+    speak(firstLanguage());
+  }, []);
+  const nobodyThere = useCallback(() => {
+    startOver();
+    void isOutdated().then((outdated) => {
+      if (outdated) window.location.reload();
+    });
+  }, [startOver]);
+  // Without a connection nobody knows what runs, and the visitor's words shall not stay for as long as it is gone.
+  const { endsAt, stay } = useRest(SETTINGS.restMs, running && online, nobodyThere);
+  const somethingToLose = visiting || text !== "" || i18n.language !== firstLanguage();
+
+  const want = (wish: Wish): void => {
+    setText("");
+    setFailed(false);
+    // A refusal of the prompt itself is part of the conversation; this is one of the session.
+    ask(wish, me.name).catch(() => setFailed(true));
+  };
+
+  return (
+    <div className="kiosk" data-visiting={visiting}>
+      <TopLine onStartOver={visiting ? startOver : null} />
+      <main className="kiosk-main">
+        <section className="kiosk-talk">
+          {visiting ? <Answer /> : <Greeting />}
+          {failed && (
+            <p className="kiosk-note" role="alert">
+              {t("kiosk.notBegun")}
+            </p>
+          )}
+        </section>
+        {canPrompt(me.role) ? (
+          <section className="kiosk-ask" aria-label={t("kiosk.suggestions")} data-running={running}>
+            {!running && <Suggestions compact={visiting} onWish={want} />}
+            <AskBar
+              text={text}
+              onText={setText}
+              running={running}
+              voice={SETTINGS.voice}
+              onSend={() => want({ shown: text.trim(), english: text.trim() })}
+            />
+          </section>
+        ) : (
+          <p className="kiosk-note">{t("kiosk.onlyWatch")}</p>
+        )}
+        {SETTINGS.map && <KioskMap />}
+      </main>
+      <footer className="kiosk-foot">
+        <Notices onStopAgain={() => void stopRobot()} />
+        <StopButton />
+      </footer>
+      {endsAt !== null && somethingToLose && <StillThere endsAt={endsAt} onStay={stay} />}
+    </div>
+  );
+}

@@ -1,0 +1,39 @@
+/** Above Stop, as long as it holds: who stopped the robot and who releases it, or that Stop did not get through. */
+import { OctagonAlert, OctagonX } from "lucide-react";
+import { useTranslation } from "react-i18next";
+import { clock } from "../i18n/format";
+import { robotName, useMe, useStore } from "../state/store";
+
+export function Notices({ onStopAgain }: { onStopAgain: () => void }) {
+  const { t } = useTranslation();
+  const me = useMe();
+  const robot = useStore(robotName);
+  const stop = useStore((state) => state.stop);
+  const failed = useStore((state) => state.stopError !== null);
+  if (failed) {
+    return (
+      <section className="kiosk-band" role="alert" data-testid="stop-failed">
+        <OctagonAlert aria-hidden />
+        <p>
+          <strong>{t("kiosk.stopFailed")}</strong>
+        </p>
+        <button type="button" className="button on-danger" onClick={onStopAgain}>
+          {t("stop.again")}
+        </button>
+      </section>
+    );
+  }
+  if (stop === null) return null;
+  const time = clock(stop.at);
+  const here = stop.by === me.name;
+  return (
+    <section className="kiosk-band" role="alert" data-testid="kiosk-stopped">
+      <OctagonX aria-hidden />
+      <p>
+        <strong>{t("kiosk.stopped", { robot })}</strong>{" "}
+        {here ? t("kiosk.stoppedHere", { time }) : t("kiosk.stoppedBy", { name: stop.by, time })}{" "}
+        {t("kiosk.staffReleases")}
+      </p>
+    </section>
+  );
+}
