@@ -36,7 +36,9 @@ async def test_the_robot_halts_when_the_only_operator_has_gone(robot: Robot, con
         await watched.until(lambda: watched.speed == 0 and not watched.state.motion, "the robot at rest", 5)
     back = await connect()
     await back.load(session)
-    assert "Nobody who may operate me is connected any more, so I stopped here." in back.said
+    stopped = "Nobody who may operate me is connected any more, so I stopped here."
+    await eventually(lambda: stopped in back.said, "the reason")
+    await eventually(lambda: "robot-acp/turn" in (back.updates[-1].get("_meta") or {}), "the end of the turn")
     assert back.updates[-1]["_meta"]["robot-acp/turn"]["stopReason"] == "cancelled"
 
 
