@@ -188,6 +188,7 @@ export async function newSession(): Promise<void> {
   if (currentId !== null && attached.has(currentId) && conversations[currentId]?.items.length === 0) return;
   const answer = await agent.request(methods.agent.session.new, { cwd: CWD, mcpServers: [] });
   attach(answer.sessionId, answer);
+  if (getState().currentId !== currentId) return; // somebody has chosen another one meanwhile
   setState({ currentId: answer.sessionId, opening: false });
   rememberSession(answer.sessionId);
 }
