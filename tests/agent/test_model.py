@@ -14,7 +14,9 @@ from backend.agent import model
 def delta(index: int | None, call_id: str | None, name: str | None, arguments: str | None) -> Any:
     function = SimpleNamespace(name=name, arguments=arguments)
     piece = SimpleNamespace(index=index, id=call_id, function=function)
-    choice = SimpleNamespace(delta=SimpleNamespace(content=None, reasoning_content=None, tool_calls=[piece]))
+    choice = SimpleNamespace(
+        delta=SimpleNamespace(content=None, reasoning_content=None, tool_calls=[piece]), finish_reason=None
+    )
     return SimpleNamespace(choices=[choice], usage=None)
 
 
