@@ -11,6 +11,7 @@ import contextlib
 from collections.abc import AsyncIterator
 from typing import Any
 
+import orjson
 from mcp.server.transport_security import TransportSecuritySettings
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
@@ -27,6 +28,8 @@ from backend.mcp_robot.tools import RobotServer
 
 BODY_TIME = 1.0
 """Seconds that the name of whoever pressed stop may take to arrive."""
+MAX_BODY = 4096
+"""Bytes in which it fits."""
 
 
 def create_app(pilot: Pilot, tools: RobotServer, token: bytes, host: str) -> Starlette:
@@ -37,12 +40,18 @@ def create_app(pilot: Pilot, tools: RobotServer, token: bytes, host: str) -> Sta
         return JSONResponse({"status": "ok", "robot": pilot.robot.name, "version": __version__})
 
     async def stop(request: Request) -> JSONResponse:
-        pilot.brake()  # before the body, which may be slow to come
-        latched = pilot.stop(name_of(await _said_by(request)))
+        first = pilot.stopped is None
+        latched = pilot.stop(name_of(None))  # before the body, which may be slow to come, or no good
+        if (by := await _said_by(request)) is not None and first:
+            latched = pilot.name_stop(latched, name_of(by))
         return JSONResponse({"stopped": {"by": latched.by, "at": latched.at}})
 
     async def release(request: Request) -> JSONResponse:
-        pilot.release(name_of(await _said_by(request)))
+        try:
+            pilot.release(name_of(await _said_by(request)))
+        except OSError:
+            sentence = "The stop cannot be released: its file in the data folder cannot be removed."
+            return JSONResponse({"error": sentence}, 500)
         return JSONResponse({"stopped": None})
 
     # Access has checked Host and Origin already, and for more than loopback.
@@ -69,8 +78,13 @@ def create_app(pilot: Pilot, tools: RobotServer, token: bytes, host: str) -> Sta
 
 async def _said_by(request: Request) -> Any:
     """The `by` of a JSON body, None when there is none, or none comes in time."""
-    with contextlib.suppress(ValueError, TimeoutError, ClientDisconnect):
+    body = b""
+    with contextlib.suppress(TimeoutError, ClientDisconnect, orjson.JSONDecodeError):
         async with asyncio.timeout(BODY_TIME):
-            body = await request.json()
-        return body.get("by") if isinstance(body, dict) else None
+            async for piece in request.stream():
+                body += piece
+                if len(body) > MAX_BODY:
+                    return None
+        said = orjson.loads(body)
+        return said.get("by") if isinstance(said, dict) else None
     return None

@@ -53,9 +53,10 @@ class CameraFeed:
             try:
                 time = self._pilot.robot.clock()
                 picture = await self._pilot.photo()
-            except Refusal as refusal:
+            except Exception as error:  # a driver's, a decoder's: it must not end what others look at
                 if not failing:
-                    log.warning("The camera shows nothing (%s); trying again every %g s.", refusal.code, RETRY)
+                    why = error.code if isinstance(error, Refusal) else type(error).__name__
+                    log.warning("The camera shows nothing (%s); trying again every %g s.", why, RETRY)
                 failing = True
                 self.latest = None
                 due = loop.time() + RETRY

@@ -36,11 +36,14 @@ SELF = 0.5
 ARC_POINTS = 8
 
 
-def localised(fix: Fix, now: float, limits: Limits) -> None:
-    """The robot knows where it is: an ordinary pose, not older than allowed."""
-    pose = fix.pose
+def ordinary(pose: Pose) -> None:
+    """The pose is made of ordinary numbers."""
     if not all(map(math.isfinite, (pose.x, pose.y, pose.yaw))):
         raise Refusal("lost", "The robot's position is no ordinary number. It has halted; see to its localisation.")
+
+
+def localised(fix: Fix, now: float, limits: Limits) -> None:
+    """The robot knows where it is: its pose is not older than allowed."""
     if now - fix.stamp > limits.pose_timeout:
         age = f"{now - fix.stamp:.1f} s"
         raise Refusal("lost", f"The robot has not known its position for {age} ({fix.source}), and has halted.")
@@ -81,16 +84,20 @@ def off_zones(zones: Sequence[Zone], pose: Pose, room: float) -> None:
 
 
 def sighted(scan: Scan, now: float, limits: Limits) -> None:
-    """The laser has spoken lately."""
+    """The laser has spoken lately, and what it said can be used."""
+    if not scan.ranges:
+        raise Refusal(
+            "blind", "The laser has no readings, and the robot has halted. See to the laser and its transform."
+        )
     if now - scan.time > limits.pose_timeout:
         raise Refusal("blind", f"The laser has been silent for {now - scan.time:.1f} s, and the robot has halted.")
 
 
-def way_is_free(scan: Scan, twist: Twist, footprint_radius: float, limits: Limits) -> None:
+def way_is_free(scan: Scan, now: float, twist: Twist, footprint_radius: float, limits: Limits) -> None:
     """The protective stop: nothing that the laser sees lies on the floor that the robot needs to come to rest.
 
-    That is the circle of its footprint, moved along its present arc for the way of its reaction and its braking. What
-    it only passes, without coming nearer, is not in its way.
+    That is the circle of its footprint, moved along its present arc for the way of its reaction and its braking; the
+    age of the scan is part of its reaction. What it only passes, without coming nearer, is not in its way.
     """
     speed = abs(twist.linear)
     if speed < 1e-3:
@@ -99,7 +106,7 @@ def way_is_free(scan: Scan, twist: Twist, footprint_radius: float, limits: Limit
     angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
     seen = np.isfinite(ranges) & (ranges < scan.range_max) & (ranges > SELF * footprint_radius)
     x, y = ranges[seen] * np.cos(angles[seen]), ranges[seen] * np.sin(angles[seen])
-    way = math.copysign(speed * REACTION + speed**2 / (2 * limits.braking), twist.linear)
+    way = math.copysign(speed * (REACTION + max(0.0, now - scan.time)) + speed**2 / (2 * limits.braking), twist.linear)
     along = np.linspace(0.0, way, ARC_POINTS + 1)[1:, None]
     turned = along * (twist.angular / twist.linear)
     chord = along * np.sinc(turned / math.tau)
@@ -130,6 +137,7 @@ class Guard:
         """Ask every rule about this moment. Raises `Refusal`."""
         robot, limits, radius = self._robot, self._limits, self._robot.footprint_radius
         now, fix, twist = robot.clock(), robot.fix, robot.twist
+        ordinary(fix.pose)
         if twist.linear or twist.angular:
             localised(fix, now, limits)
             within_limits(twist, limits)
@@ -138,7 +146,7 @@ class Guard:
         if twist.linear and not braking:  # one that brakes already does what it can
             scan = robot.scan()
             sighted(scan, now, limits)
-            way_is_free(scan, twist, radius, limits)
+            way_is_free(scan, now, twist, radius, limits)
         if not self._to_dock:
             battery_lasts(robot.battery, limits, where_to_charge(robot.places))
 

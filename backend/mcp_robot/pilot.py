@@ -111,14 +111,13 @@ class Pilot:
     async def navigate(self, goal: Pose, *, final_yaw: bool, place: Place | None = None) -> tuple[Route, Leg]:
         """Drive to a goal; returns there. Raises `Refusal`. Cancelling brakes."""
         safety.finite(x=goal.x, y=goal.y, yaw=goal.yaw)
-        with self._motion(_Intent("navigate", goal, place.name if place else None), goal):
-            brakings = self._brakings
+        with self._motion(_Intent("navigate", goal, place.name if place else None), goal) as brakings:
             route = await self._plan(goal, final_yaw)
             self._not_braked_since(brakings)
             self._show(route.points, preview=False)
             try:
                 to_dock = at_dock(goal, self.robot.places)
-                return route, await self._run(self.robot.drive(route), to_dock=to_dock)
+                return route, await self._run(self.robot.drive(route), brakings, to_dock=to_dock)
             finally:
                 self._show((), preview=False)
 
@@ -128,8 +127,8 @@ class Pilot:
         safety.turn_fits(degrees)
         pose = self.robot.fix.pose
         goal = Pose(pose.x, pose.y, math.remainder(pose.yaw + math.radians(degrees), math.tau))
-        with self._motion(_Intent("rotate", goal, None), None):
-            return await self._run(self.robot.turn(math.radians(degrees)), to_dock=False)
+        with self._motion(_Intent("rotate", goal, None), None) as brakings:
+            return await self._run(self.robot.turn(math.radians(degrees)), brakings, to_dock=False)
 
     async def speak(self, text: str) -> Sound:
         """Say a text aloud; returns when it is said. Raises `Refusal`. Cancelling ends it."""
@@ -158,20 +157,32 @@ class Pilot:
 
     def brake(self) -> None:
         """End what is under way or about to begin, at once and without a latch."""
-        self.robot.halt()
-        self.robot.hush()
-        self._brakings += 1
+        self._brakings += 1  # what has not begun must not begin, whatever happens below
+        for act in (self.robot.halt, self.robot.hush):
+            self._do_for_sure(act)
 
     def stop(self, by: str) -> Stop:
         """Stop everything and latch it."""
         self.brake()  # first: nothing below may delay it
-        self.robot.hold(True)
+        self._do_for_sure(lambda: self.robot.hold(True))
         stop = self._latch.set(by, time.time())
         logger.warning("Stop by %s (latched by %s).", by, stop.by)
         return stop
 
+    def name_stop(self, stop: Stop, by: str) -> Stop:
+        """Say who pressed a stop whose name came after it; returns the stop that is latched."""
+        return self._latch.rename(stop, by)
+
+    @staticmethod
+    def _do_for_sure(act: Callable[[], None]) -> None:
+        # A robot that fails to take one command must still get the next one, and the latch must still be set.
+        try:
+            act()
+        except Exception:
+            logger.exception("The robot did not take a command to halt.")
+
     def release(self, by: str) -> None:
-        """Release the latch; nothing begins to move by it."""
+        """Release the latch; nothing begins to move by it. Raises `OSError` when it cannot be released for good."""
         if self._latch.stop:
             logger.warning("Stop of %s released by %s.", self._latch.stop.by, by)
         self._latch.release()
@@ -183,6 +194,10 @@ class Pilot:
             self._check_path(points)
         except Refusal as refusal:
             self._veto = refusal
+            self.robot.halt()
+        except Exception:
+            logger.exception("A way that the robot took cannot be judged.")
+            self._veto = Refusal("blocked", "The robot took a way that cannot be judged, and has halted. Ask again.")
             self.robot.halt()
         else:
             self._show(points.tolist(), preview=False)
@@ -198,35 +213,55 @@ class Pilot:
     def _check_path(self, points: Floats) -> None:
         safety.path_is_free(self.robot.grid, self.zones, points, self.robot.footprint_radius)
 
-    async def _run(self, motion: Coroutine[Any, Any, None], *, to_dock: bool) -> Leg:
+    async def _run(self, motion: Coroutine[Any, Any, None], brakings: int, *, to_dock: bool) -> Leg:
+        """Run a motion that was allowed when `brakings` was the count, under the guard's eyes."""
         robot = self.robot
-        began, driven = robot.clock(), robot.odometer
         guard = Guard(robot, self.zones, self.limits, to_dock=to_dock)
-        moving = asyncio.ensure_future(motion)
         try:
+            guard.look()  # a motion that it would halt does not begin
+        except BaseException:
+            motion.close()
+            raise
+        began, driven = robot.clock(), robot.odometer
+        moving = asyncio.ensure_future(self._begin(motion, brakings))
+        try:
+            await asyncio.wait({moving}, timeout=PERIOD)
             while not moving.done():
                 guard.look()
                 await asyncio.wait({moving}, timeout=PERIOD)
         except BaseException as reason:
             robot.halt()
             await self._rest(moving, reason)
+            motion.close()  # for one that was ended before its first step
             raise
         if self._veto and moving.exception():
             raise self._veto from moving.exception()
         moving.result()
         return Leg(robot.fix.pose, robot.odometer - driven, robot.clock() - began)
 
+    async def _begin(self, motion: Coroutine[Any, Any, None], brakings: int) -> None:
+        """Look once more whether anybody has braked, and begin in the same step, so that nothing comes between."""
+        try:
+            self._not_braked_since(brakings)
+        except Refusal:
+            motion.close()
+            raise
+        await motion
+
     async def _rest(self, moving: asyncio.Future[None], reason: BaseException) -> None:
         """Let a motion that was told to halt end: whoever was refused hears of it at rest."""
-        if isinstance(reason, Refusal):
-            logger.warning("The guard halted the robot: %s", reason)
-            await asyncio.wait({moving}, timeout=REST_TIME)
-        moving.cancel()
-        await asyncio.gather(moving, return_exceptions=True)
+        try:
+            if isinstance(reason, Refusal):
+                logger.warning("The guard halted the robot: %s", reason)
+                await asyncio.wait({moving}, timeout=REST_TIME)
+        finally:
+            moving.cancel()  # also when the one who waits here is cancelled: nothing of this motion may outlive it
+            await asyncio.gather(moving, return_exceptions=True)
 
     @contextlib.contextmanager
-    def _motion(self, intent: _Intent, goal: Pose | None) -> Iterator[None]:
-        """The rules that every motion has to pass, and the promise that it does not outlive this block."""
+    def _motion(self, intent: _Intent, goal: Pose | None) -> Iterator[int]:
+        """The rules that every motion has to pass, and the promise that it does not outlive this block. Yields how
+        often somebody had braked: a motion that begins later has to find the same number."""
         safety.not_stopped(self.stopped)
         safety.idle(self._intent.activity if self._intent else None)
         safety.battery_suffices(self.robot.battery, goal, self.robot.places, self.limits)
@@ -234,7 +269,7 @@ class Pilot:
         self._intent, self._veto = intent, None
         arrived = False
         try:
-            yield
+            yield self._brakings
             arrived = True
         except Halted:
             self._tell_why()

@@ -24,6 +24,10 @@ GOAL_MARGIN = 0.05
 """Free space in m that a goal needs around the footprint."""
 PATH_MARGIN = 0.05
 """How much nearer (m) to a wall than its footprint a planned path may pass: about what a map's cells leave open."""
+PATH_STEP = 0.05
+"""Metres between the points of a way that are looked at."""
+FARTHEST = 1e6
+"""Metres from the origin beyond which nothing is a place."""
 LET_OUT = 0.6
 """The first so many m of a path may be as tight as where the robot stands already."""
 MAX_TURN_DEGREES = 3600.0
@@ -72,7 +76,7 @@ def goal_keeps_out(zones: Sequence[Zone], grid: OccupancyGrid, goal: Pose, footp
     near = keep_out.nearest(zones, goal.x, goal.y)
     needed = footprint_radius + GOAL_MARGIN + 2 * grid.resolution
     if near and near[0] < needed:
-        advice = _advice(keep_out.applied(grid, zones), goal, footprint_radius + GOAL_MARGIN)
+        advice = _advice(grid, goal, footprint_radius + GOAL_MARGIN, zones)
         where = f"({goal.x:.1f}, {goal.y:.1f})"
         how = "in" if near[0] <= 0 else "too close to"
         raise Refusal("keep_out", f"The goal {where} is {how} the keep-out zone {near[1].name}. {advice}")
@@ -83,7 +87,9 @@ def path_is_free(grid: OccupancyGrid, zones: Sequence[Zone], points: Floats, foo
 
     A robot that stands too near to something already is let out: for the first metres it need only not get nearer.
     """
-    way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    if not np.isfinite(points).all() or np.abs(points).max(initial=0.0) > FARTHEST:
+        raise Refusal("not_finite", "The way that was planned has points that are no places. Choose another goal.")
+    points, way = _dense(points)
     first = way <= LET_OUT
     room = grid.clearances(points)
     needed = footprint_radius - PATH_MARGIN
@@ -102,18 +108,27 @@ def path_is_free(grid: OccupancyGrid, zones: Sequence[Zone], points: Floats, foo
         raise Refusal("keep_out", f"The way leads through the keep-out zone {name} at ({x:.1f}, {y:.1f}).")
 
 
+def _dense(points: Floats) -> tuple[Floats, Floats]:
+    """The same way with points at most PATH_STEP apart, shape (n, 2), and how far along it each of them lies, in m."""
+    way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    along = np.union1d(way, np.arange(0.0, way[-1], PATH_STEP))
+    return np.stack([np.interp(along, way, points[:, 0]), np.interp(along, way, points[:, 1])], axis=1), along
+
+
 def _extent(grid: OccupancyGrid) -> str:
     x0, y0 = grid.origin_x, grid.origin_y
     x1, y1 = x0 + grid.width * grid.resolution, y0 + grid.height * grid.resolution
     return f"x from {x0:.1f} to {x1:.1f}, y from {y0:.1f} to {y1:.1f}"
 
 
-def _advice(grid: OccupancyGrid, goal: Pose, needed: float, reach: float = 2.0) -> str:
+def _advice(grid: OccupancyGrid, goal: Pose, needed: float, zones: Sequence[Zone] = (), reach: float = 2.0) -> str:
     """Where it is free near there."""
     cells = np.arange(-reach, reach + 0.05, 0.1)
     dx, dy = (a.ravel() for a in np.meshgrid(cells, cells))
     points = np.stack([goal.x + dx, goal.y + dy], axis=1)
-    free = grid.clearances(points) >= needed + 0.05
+    free = (grid.clearances(points) >= needed + 0.05) & (
+        keep_out.distances(zones, points) >= needed + 2 * grid.resolution + 0.05
+    )
     if not free.any():
         return "Choose a free spot."
     x, y = points[free][np.argmin(np.hypot(dx, dy)[free])]

@@ -43,10 +43,17 @@ class StopLatch:
             self._write(self.stop)
         return self.stop
 
+    def rename(self, stop: Stop, by: str) -> Stop:
+        """Say who set it, if it is still this one; returns what it is set to."""
+        if self.stop is stop:
+            self.stop = Stop(by, stop.at)
+            self._write(self.stop)
+        return self.stop or Stop(by, stop.at)
+
     def release(self) -> None:
-        """Release it."""
-        self.stop = None
+        """Release it. Raises `OSError`, and stays set, when the file cannot be removed: a restart would find it."""
         self._file.unlink(missing_ok=True)
+        self.stop = None
 
     def _write(self, stop: Stop) -> None:
         # The robot is stopped already, whatever happens here; a full disk only costs the memory of it.

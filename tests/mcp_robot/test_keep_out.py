@@ -178,3 +178,16 @@ def test_a_mistake_in_the_settings_is_named(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.chdir(tmp_path)
     with pytest.raises(config.ConfigError, match=r"robot\.keep_out\.0\.polygon"):
         config.load(robot={"keep_out": [{"name": "a", "polygon": [[1, 2]]}]})
+
+
+def test_a_way_with_few_points_is_looked_at_between_them(hall: OccupancyGrid) -> None:
+    with pytest.raises(Refusal, match=r"^keep_out: The way leads through the keep-out zone square"):
+        safety.path_is_free(hall, [SQUARE], np.array([[2.0, 0.5], [2.0, 4.5]]), RADIUS)
+    safety.path_is_free(hall, [SQUARE], np.array([[4.0, 0.5], [4.0, 4.5]]), RADIUS)
+    safety.path_is_free(hall, [SQUARE], np.array([[4.0, 0.5]]), RADIUS)
+
+
+@pytest.mark.parametrize("number", [math.nan, math.inf, 1e308])
+def test_a_way_through_no_place_is_refused(hall: OccupancyGrid, number: float) -> None:
+    with pytest.raises(Refusal, match=r"^not_finite: "):
+        safety.path_is_free(hall, [SQUARE], np.array([[4.0, 0.5], [4.0, number], [4.0, 4.5]]), RADIUS)

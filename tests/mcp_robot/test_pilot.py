@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import AsyncIterator
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import pytest
 from backend.config import Limits
 from backend.mcp_robot.pilot import Pilot
 from backend.mcp_robot.refusal import Refusal
-from backend.mcp_robot.robot import Route, Sound
+from backend.mcp_robot.robot import Fix, Route, Sound
 from backend.mcp_robot.simulator.simulated_robot import SimulatedRobot
 from backend.mcp_robot.simulator.world import World
 from backend.mcp_robot.stop import StopLatch
@@ -76,3 +77,76 @@ async def test_cancelling_while_it_plans_leaves_the_robot_free_for_the_next(robo
         await task
     await pilot.rotate(10)
     assert robot.odometer == 0
+
+
+@pytest.mark.parametrize("released", [True, False])
+@pytest.mark.parametrize("end", ["stop", "brake"])
+async def test_a_stop_in_the_tick_in_which_a_motion_begins_counts(
+    office: World, tmp_path: Path, end: str, released: bool
+) -> None:
+    robot = SimulatedRobot(office, Limits(), time_scale=1.0)
+    pilot = Pilot(robot, StopLatch(tmp_path), Limits())
+
+    def press() -> None:
+        if end == "stop":
+            pilot.stop("Ana")
+        else:
+            pilot.brake()
+        if released:
+            pilot.release("Ana")
+
+    async with robot.running():
+        task = asyncio.create_task(pilot.rotate(170))
+        asyncio.get_running_loop().call_soon(press)
+        with pytest.raises(Refusal, match=r"^stopped: "):
+            await task
+        assert robot.twist.angular == 0
+        assert robot.fix.pose.yaw == pytest.approx(office.start.yaw, abs=0.05)
+
+
+async def test_what_the_guard_refuses_at_its_first_look_does_not_begin(office: World, tmp_path: Path) -> None:
+    class Blind(SimulatedRobot):
+        @property
+        def fix(self) -> Fix:
+            fix = super().fix
+            return Fix(Pose(math.nan, fix.pose.y, fix.pose.yaw), fix.stamp, fix.source) if self.lost_now else fix
+
+        lost_now = False
+
+        async def turn(self, angle: float) -> None:
+            raise AssertionError("it has begun")
+
+    robot = Blind(office, Limits(), time_scale=20.0)
+    pilot = Pilot(robot, StopLatch(tmp_path), Limits())
+    async with robot.running():
+        robot.lost_now = True
+        with pytest.raises(Refusal, match=r"^lost: "):
+            await pilot.rotate(170)
+    assert pilot.motion is None
+
+
+async def test_a_robot_that_fails_to_halt_is_stopped_all_the_same(office: World, tmp_path: Path) -> None:
+    class Deaf(SimulatedRobot):
+        def halt(self) -> None:
+            raise RuntimeError("no connection to the wheels")
+
+    robot = Deaf(office, Limits(), time_scale=20.0)
+    pilot = Pilot(robot, StopLatch(tmp_path), Limits())
+    pilot.stop("Ana")
+    assert pilot.stopped is not None
+    with pytest.raises(Refusal, match=r"^stopped: "):
+        await pilot.rotate(10)
+    assert StopLatch(tmp_path).stop == pilot.stopped
+
+
+async def test_whoever_is_inside_hears_that_the_simulators_time_stands_still(office: World) -> None:
+    robot = SimulatedRobot(office, Limits(), time_scale=1.0)
+
+    async def inside() -> None:
+        async with robot.running():
+            robot.simulation.step = None  # type: ignore[assignment, method-assign]
+            await asyncio.Event().wait()
+
+    task = asyncio.create_task(inside())
+    await asyncio.wait({task}, timeout=20)
+    assert task.cancelled()

@@ -98,12 +98,38 @@ async def test_with_a_stop_file_that_was_spoilt_it_starts_stopped_and_can_be_rel
     assert not (tmp_path / FILE).exists()
 
 
-@pytest.mark.parametrize("body", [b"", b"{", b"[]", b'{"by": 5}', b"\xff", b'{"by": ""}'])
+@pytest.mark.parametrize("body", [b"", b"{", b"[]", b'{"by": 5}', b"\xff", b'{"by": ""}', b"[" * 200_000])
 async def test_a_stop_is_never_refused_for_its_form(robot: Served, body: bytes) -> None:
     async with robot.http() as http:
         answer = await http.post("/stop", content=body)
         assert answer.status_code == 200
         assert answer.json()["stopped"]["by"] == "someone"
+
+
+async def test_a_stop_whose_body_never_comes_is_latched_before(robot: Served) -> None:
+    reader, writer = await asyncio.open_connection("127.0.0.1", robot.port)
+    head = (
+        f"POST /stop HTTP/1.1\r\nHost: 127.0.0.1\r\nAuthorization: Bearer {robot.token}\r\nContent-Length: 99\r\n\r\n"
+    )
+    async with robot.telemetry("state", rate=50) as states:
+        writer.write(head.encode())
+        stopped = await states.state(lambda state: state.stop is not None)
+    assert stopped.stop is not None
+    assert stopped.stop.by == "someone"
+    writer.close()
+    del reader
+
+
+async def test_a_stop_that_cannot_be_released_for_good_stays(tmp_path: Path) -> None:
+    async with serving(tmp_path) as robot, robot.http() as http:
+        await http.post("/stop", json={"by": "Ana"})
+        (tmp_path / FILE).unlink()
+        (tmp_path / FILE).mkdir()  # cannot be unlinked, whoever runs this
+        answer = await http.post("/release", json={"by": "Sue"})
+        assert answer.status_code == 500
+        assert answer.json()["error"].startswith("The stop cannot be released")
+        async with robot.mcp() as client:
+            assert "Stopped by Ana" in await refused(client, "rotate_in_place", degrees=10)
 
 
 async def test_a_stop_ends_speech(tmp_path: Path) -> None:

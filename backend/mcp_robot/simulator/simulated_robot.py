@@ -83,8 +83,18 @@ class SimulatedRobot:
 
     @contextlib.asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
-        """Let its time pass while inside."""
+        """Let its time pass while inside. Should that fail, whoever is inside is cancelled: a robot whose time stands
+        still would be busy for ever."""
+        inside = asyncio.current_task()
+        assert inside is not None  # noqa: S101 - a coroutine always runs in a task
+
+        def ended(task: asyncio.Task[None]) -> None:
+            if not task.cancelled() and (error := task.exception()):
+                logger.critical("The simulator has failed.", exc_info=error)
+                inside.cancel()
+
         task = asyncio.create_task(self._run_virtually() if self._virtual else self._run(), name="simulator")
+        task.add_done_callback(ended)
         try:
             yield
         finally:

@@ -1,0 +1,40 @@
+"""The camera as telemetry, where it is not as it should be."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from backend.config import Limits
+from backend.mcp_robot import camera_feed
+from backend.mcp_robot.camera_feed import CameraFeed
+from backend.mcp_robot.pilot import Pilot
+from backend.mcp_robot.robot import Picture
+from backend.mcp_robot.simulator.simulated_robot import SimulatedRobot
+from backend.mcp_robot.simulator.world import World
+from backend.mcp_robot.stop import StopLatch
+from tests.processes import eventually
+
+
+async def test_a_camera_that_fails_is_asked_again(
+    office: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(camera_feed, "RETRY", 0.05)
+
+    class Shaky(SimulatedRobot):
+        asked = 0
+
+        async def photo(self) -> Picture:
+            self.asked += 1
+            if self.asked < 3:
+                raise TimeoutError
+            return await super().photo()
+
+    robot = Shaky(office, Limits())
+    feed = CameraFeed(Pilot(robot, StopLatch(tmp_path), Limits()), lambda: None)
+    feed.look(somebody := object())
+    await eventually(lambda: feed.latest, "a picture")
+    assert robot.asked >= 3
+    feed.look_away(somebody)
+    assert feed.latest is None
