@@ -29,6 +29,8 @@ from backend.telemetry import Motion, Path, Place, Pose, Speech, State, Stop, Zo
 
 logger = logging.getLogger(__name__)
 
+MOST_PLANS = 2
+"""Ways that are sought at the same time: more would take the processor from the guard."""
 STALE_AFTER = 1.0
 """Seconds on the robot's clock after which a pose is old."""
 REST_TIME = 3.0
@@ -72,6 +74,7 @@ class Pilot:
         self._speeches = safety.Rate("speeches", limits.max_speeches_per_minute)
         self._veto: Refusal | None = None  # set when the way of the motion under way became one that is refused
         self._intent: _Intent | None = None  # from a motion's first rule to its end
+        self._planners = asyncio.Semaphore(MOST_PLANS)
         self._brakings = 0  # how often brake was called: what began before one must not go on after it
         self.speaking: str | None = None  # what is being said, while it is
         self.path = Path(robot.clock(), [])  # latest planned path, replaced on change
@@ -206,7 +209,8 @@ class Pilot:
         robot = self.robot
         safety.goal_keeps_out(self.zones, robot.grid, goal, robot.footprint_radius)
         safety.goal_is_free(robot.grid, goal, robot.footprint_radius)
-        route = await robot.plan(goal, final_yaw=final_yaw)
+        async with self._planners:
+            route = await robot.plan(goal, final_yaw=final_yaw)
         self._check_path(np.array(route.points))
         return route
 
