@@ -107,7 +107,7 @@ async def test_a_stop_is_never_refused_for_its_form(robot: Served, body: bytes) 
 
 
 async def test_a_stop_whose_body_never_comes_is_latched_before(robot: Served) -> None:
-    reader, writer = await asyncio.open_connection("127.0.0.1", robot.port)
+    _reader, writer = await asyncio.open_connection("127.0.0.1", robot.port)
     head = (
         f"POST /stop HTTP/1.1\r\nHost: 127.0.0.1\r\nAuthorization: Bearer {robot.token}\r\nContent-Length: 99\r\n\r\n"
     )
@@ -117,7 +117,6 @@ async def test_a_stop_whose_body_never_comes_is_latched_before(robot: Served) ->
     assert stopped.stop is not None
     assert stopped.stop.by == "someone"
     writer.close()
-    del reader
 
 
 async def test_a_stop_that_cannot_be_released_for_good_stays(tmp_path: Path) -> None:
