@@ -22,6 +22,7 @@ from backend.mcp_robot import stdio as stdio_transport
 from backend.mcp_robot.app import create_app
 from backend.mcp_robot.pilot import Pilot
 from backend.mcp_robot.stop import StopLatch
+from backend.sockets import notice_loss
 
 logger = logging.getLogger(__name__)
 
@@ -102,27 +103,10 @@ def _listen(settings: config.Robot) -> socket.socket:
     try:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
-        _notice_loss(listener, settings.limits.client_silence)
+        notice_loss(listener, settings.limits.client_silence)
         listener.bind((host, port))
         listener.listen(128)
     except OSError:
         listener.close()
         raise
     return listener
-
-
-def _notice_loss(listener: socket.socket, seconds: float) -> None:
-    """Let the kernel break a connection whose other machine is gone, after about so many seconds.
-
-    Accepted connections inherit this. Without it a pulled cable is noticed after a quarter of an hour, or never.
-    """
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-    for name, value in (
-        ("TCP_KEEPIDLE", 1),
-        ("TCP_KEEPINTVL", 1),
-        ("TCP_KEEPCNT", max(1, round(seconds) - 1)),
-        ("TCP_USER_TIMEOUT", round(1000 * seconds)),
-    ):
-        option = getattr(socket, name, None)  # not every system has all of them
-        if option is not None:
-            listener.setsockopt(socket.IPPROTO_TCP, option, value)

@@ -211,7 +211,19 @@ def test_only_what_lies_on_the_floor_that_it_needs_to_stop_is_in_its_way(
 ) -> None:
     expected = pytest.raises(Refusal, match=r"^blocked: ") if blocked else contextlib.nullcontext()
     with expected:
-        guard.way_is_free(scan_with([point]), twist, RADIUS, Limits())
+        guard.way_is_free(scan_with([point]), 0.0, twist, RADIUS, Limits())
+
+
+@pytest.mark.parametrize(("age", "blocked"), [(0.0, False), (0.3, True), (-5.0, False)])
+def test_an_old_scan_makes_the_way_longer_that_has_to_be_free(age: float, blocked: bool) -> None:
+    expected = pytest.raises(Refusal, match=r"^blocked: ") if blocked else contextlib.nullcontext()
+    with expected:
+        guard.way_is_free(scan_with([(0.45, 0.0)]), age, Twist(0.6, 0.0), RADIUS, Limits())
+
+
+def test_a_scan_without_readings_is_no_free_floor() -> None:
+    with pytest.raises(Refusal, match=r"^blind: The laser has no readings"):
+        guard.sighted(Scan(10.0, Pose(0, 0, 0), -math.pi, math.tau, 0.0, []), 10.0, Limits())
 
 
 async def test_a_robot_that_does_nothing_wrong_never_hears_of_the_guard(office: World, tmp_path: Path) -> None:

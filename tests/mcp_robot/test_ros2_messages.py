@@ -98,11 +98,29 @@ def test_a_scan_of_a_laser_that_sits_ahead_and_looks_back_is_seen_from_the_middl
     assert sorted(seen.values()) == [1.3, 1.7]  # 1 m ahead of the laser's back, 2 m behind its front
 
 
+@pytest.mark.parametrize("sensor", [None, Pose(0.0, 0.0, 0.0), Pose(0.3, 0.0, math.pi)])
+@pytest.mark.parametrize("wrong", [{"ranges": array.array("f")}, {"range_max": math.nan}, {"angle_increment": 0.0}])
+def test_a_scan_that_cannot_be_used_has_no_readings(sensor: Pose | None, wrong: dict[str, Any]) -> None:
+    header = Message(stamp=Message(sec=7, nanosec=0))
+    usual = {"angle_min": -1.0, "angle_increment": 0.1, "range_min": 0.1, "range_max": 9.0}
+    message = Message(header=header, ranges=array.array("f", [1.0]), **usual)
+    if sensor:
+        assert convert.scan(message, sensor, Pose(0.0, 0.0, 0.0)).ranges
+        vars(message).update(wrong)
+    assert convert.scan(message, sensor, Pose(0.0, 0.0, 0.0)).ranges == []
+
+
+def test_a_driver_says_percent_when_it_has_said_more_than_a_share_can_be() -> None:
+    assert convert.in_percent(Message(percentage=1.6))
+    assert not convert.in_percent(Message(percentage=1.0))
+    assert convert.battery(Message(percentage=1.0, power_supply_status=2), percent=True).level == 0.01
+
+
 def test_a_battery_in_percent_and_one_without_a_number() -> None:
-    assert convert.battery(Message(percentage=87.0, power_supply_status=1)).level == 0.87
-    assert convert.battery(Message(percentage=0.5, power_supply_status=2)).charging is False
+    assert convert.battery(Message(percentage=87.0, power_supply_status=1), percent=True).level == 0.87
+    assert convert.battery(Message(percentage=0.5, power_supply_status=2), percent=False).charging is False
     with pytest.raises(ValueError, match="without a percentage"):
-        convert.battery(Message(percentage=math.nan, power_supply_status=2))
+        convert.battery(Message(percentage=math.nan, power_supply_status=2), percent=False)
 
 
 def test_pictures_of_several_encodings_become_the_same_jpeg() -> None:

@@ -16,7 +16,8 @@ import pytest
 
 from backend.agent.tool_server import ToolServer
 from backend.config import Limits
-from backend.mcp_robot import server, watchdog
+from backend.mcp_robot import watchdog
+from backend.sockets import notice_loss
 
 from .conftest import Reader, Served, serving
 from .dead_line import line_to
@@ -189,7 +190,7 @@ def test_a_name_that_is_none_is_no_name(name: Any) -> None:
 
 def test_the_kernel_breaks_a_connection_whose_other_end_is_gone() -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
-        server._notice_loss(listener, Limits().client_silence)
+        notice_loss(listener, Limits().client_silence)
         with socket.create_connection(listener.getsockname()), listener.accept()[0] as accepted:
             assert accepted.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE) == 1
             assert accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) == 2000

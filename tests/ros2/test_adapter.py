@@ -197,6 +197,48 @@ async def test_a_robot_that_never_knew_where_it_is_says_so_and_does_not_move(
             assert (await refused(client, tool, **arguments)).startswith("lost: ")
 
 
+async def test_a_robot_whose_odometry_was_never_heard_does_not_move(real_time: Setting, start_at_once: None) -> None:
+    from nav_msgs.msg import Odometry
+
+    async with node(real_time.domain) as link:
+        # The stand-in is silent until somebody listens to its odometry.
+        link.node.create_subscription(Odometry, "odom", lambda _: None, qos_of_sensors())
+        link.open()
+        await refuses_to_move_without_odometry(real_time)
+
+
+async def refuses_to_move_without_odometry(real_time: Setting) -> None:
+    async with real_time.served(odom="nobody/odom") as robot, robot.mcp() as client:
+        for tool, arguments in (("navigate_to_place", {"place": "reception"}), ("rotate_in_place", {"degrees": 9})):
+            text = await refused(client, tool, **arguments)
+            assert text.startswith("lost: The robot's odometry is silent, on the topic nobody/odom.")
+
+
+async def test_a_robot_whose_odometry_dies_on_the_way_is_halted(
+    real_time: Setting, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from backend.mcp_robot.ros2 import convert
+
+    def unusable(_: Any) -> Any:
+        raise ValueError("a broken encoder")
+
+    async with real_time.served() as robot, robot.mcp() as client, robot.telemetry("state") as reader:
+        driving = asyncio.create_task(client.call_tool("navigate_to_place", {"place": "lab 2.3.7"}))
+        await reader.state(lambda s: s.twist.linear > 0.3)
+        with monkeypatch.context() as patch:
+            patch.setattr(convert, "twist", unusable)
+            result = await driving
+        assert result.is_error
+        assert result.content[0].text.startswith("lost: The robot's odometry is silent")  # type: ignore[union-attr]
+        await reader.state(lambda s: s.twist.linear == 0 and s.motion is None)
+
+
+async def test_a_robot_without_a_laser_does_not_drive(real_time: Setting) -> None:
+    async with real_time.served(scan="") as robot, robot.mcp() as client:
+        text = await refused(client, "navigate_to_place", place="reception")
+        assert text.startswith("blind: The laser has no readings")
+
+
 async def test_a_robot_without_a_map_says_so(real_time: Setting, start_at_once: None) -> None:
     async with (
         real_time.served(map="no/map") as robot,
@@ -242,6 +284,18 @@ async def test_a_robot_that_falls_silent_is_known_to_be_old_and_does_not_move(
             await eventually_stale(client)
             assert (await refused(client, "rotate_in_place", degrees=9)).startswith("lost: ")
         await reader.state(lambda s: s.twist.linear == 0 and s.motion is None)
+
+
+async def test_a_battery_that_falls_silent_counts_as_empty(
+    real_time: Setting, stand_ins: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from backend.mcp_robot.ros2 import ros2_robot
+
+    monkeypatch.setattr(ros2_robot, "BATTERY_TIMEOUT", 1.0)
+    async with real_time.served() as robot, robot.telemetry("state") as reader:
+        await reader.state(lambda s: s.battery.level > 0.5)
+        with stand_ins.frozen(real_time.stand_in):
+            await reader.state(lambda s: s.battery.level == 0)
 
 
 async def eventually_stale(client: Any) -> None:

@@ -68,7 +68,7 @@ async def test_a_robot_that_runs_humble_is_driven_and_its_failure_told(tmp_path:
                     end(stand_in)  # and with it Nav2
                     result = await driving
             assert result.is_error
-            assert result.content[0].text.split(":")[0] in ("lost", "nav_unavailable", "nav_failed", "timeout")  # type: ignore[union-attr]
+            assert result.content[0].text.split(":")[0] in ("lost", "blind", "nav_unavailable", "nav_failed", "timeout")  # type: ignore[union-attr]
     finally:
         end(stand_in)
 

@@ -1,12 +1,13 @@
 """Brings the robot to rest through ROS: cancels the goals of all clients, and sends zero velocity.
 
 Zero velocity goes where Nav2's own controllers send theirs, so that the velocity smoother and the collision monitor
-stay in the way of it. While held, both are repeated: whoever else commands the robot does not get far. It never sends
-any velocity but zero.
+stay in the way of it. Both are repeated while held, for a while after a halt, and until the halted goal has ended and
+the robot stands: whoever else commands the robot does not get far. It never sends any velocity but zero.
 """
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable
 from typing import Any
@@ -17,42 +18,59 @@ from rclpy.clock import Clock, ClockType
 from rclpy.qos import QoSProfile
 
 from backend.config import Ros2
+from backend.mcp_robot.refusal import Refusal
+from backend.mcp_robot.ros2.goals import Goal
 from backend.mcp_robot.ros2.link import RosLink
 from backend.mcp_robot.ros2.waiting import until
+
+logger = logging.getLogger(__name__)
 
 PERIOD = 0.05
 """Seconds between zero velocities: as often as Nav2's controllers speak."""
 PULSE = 1.0
-"""Seconds for which a halt without a latch sends zero velocity."""
+"""Seconds for which a halt without a latch brakes at least."""
 CANCEL_EVERY = 0.2
-"""Seconds between cancelling everybody's goals while held."""
+"""Seconds between cancelling everybody's goals while braking."""
+ANSWER_LIMIT = 1.0
+"""Seconds after which a cancel that is not answered is asked again: whoever should answer may have been killed."""
 QUIET_LIMIT = 1.0
 """Seconds that a new motion waits for cancels that are under way."""
+PATIENCE = 3.0
+"""Seconds that a halted goal may take to end before the log tells of it."""
+UNKNOWN_GOAL = CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
 
 
 class Brake:
     """To be made on the ROS thread; `halt`, `hold` and `let_go` may be called from any."""
 
-    def __init__(self, link: RosLink, settings: Ros2, clock: Callable[[], float]) -> None:
+    def __init__(self, link: RosLink, settings: Ros2, clock: Callable[[], float], moves: Callable[[], bool]) -> None:
         self._link = link
         self._settings = settings
         self._robot_clock = clock
+        self._moves = moves
         self._held = False  # set by hold
-        self._until = 0.0  # monotonic time until which zero velocity is sent
+        self._until = 0.0  # monotonic time until which it brakes in any case
+        self._settling = False  # from a halt until the robot stands
         self._cancelled_at = 0.0  # monotonic time of the latest cancel of everything
-        self._open: set[Any] = set()  # cancels that were not answered yet; on the ROS thread
+        self._goals: tuple[Goal, ...] = ()  # our motions whose end is not known
+        self._unfinished_since: float | None = None  # monotonic time since when one is halted and has not ended
+        self._complained = False  # of that one
         node = link.node
         self._zero = TwistStamped if settings.stamped else Twist
         self._publisher = node.create_publisher(self._zero, settings.cmd_vel, QoSProfile(depth=1))
         actions = dict.fromkeys((settings.navigate, settings.spin, *settings.stops))
-        self._cancels = [node.create_client(CancelGoal, f"{action}/_action/cancel_goal") for action in actions]
+        self._cancels = [_Canceller(node, action) for action in actions]
         node.create_timer(PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
+    def watch(self, goal: Goal) -> None:
+        """Take a motion that is about to begin to its end, should it be halted."""
+        self._goals = (*(each for each in self._goals if each.unfinished), goal)
+
     def halt(self) -> None:
-        """Cancel all goals of everybody and send zero velocity for a while. Returns at once."""
-        self._until = time.monotonic() + PULSE
+        """Cancel all goals of everybody and send zero velocity, until all is at rest. Returns at once."""
+        self._until, self._settling = time.monotonic() + PULSE, True
+        self._link.submit(self._cancel_all)  # first: a publisher that fails must not keep it
         self._publish()
-        self._link.submit(self._cancel_all)
 
     def hold(self, held: bool) -> None:
         """Do so until told otherwise."""
@@ -63,16 +81,40 @@ class Brake:
             self._until = 0.0
 
     async def let_go(self) -> None:
-        """Send no more zeros for a halt that is over, once all cancels are answered: the next motion may begin."""
-        await until(lambda: not self._open, QUIET_LIMIT, every=0.01)
-        self._until = 0.0
+        """Brake no more for a halt that is over, once all cancels are answered: the next motion may begin.
+
+        Raises `Refusal` (timeout) when the motion that was halted has not ended.
+        """
+        await until(lambda: not self._unfinished and not any(c.waiting for c in self._cancels), QUIET_LIMIT, every=0.01)
+        if unfinished := self._unfinished:
+            sentence = f"{unfinished[0].name} does not end the motion that was halted. Look at its log, or restart it."
+            raise Refusal("timeout", sentence)
+        self._until, self._settling = 0.0, False
+
+    @property
+    def _unfinished(self) -> list[Goal]:
+        return [goal for goal in self._goals if goal.unfinished]
 
     def _tick(self) -> None:
         now = time.monotonic()
-        if self._held or now < self._until:
+        unfinished = self._unfinished
+        self._complain(now, unfinished)
+        if now >= self._until:
+            self._settling = self._settling and self._moves()
+        if self._held or now < self._until or self._settling or unfinished:
+            if now - self._cancelled_at > CANCEL_EVERY:
+                self._cancel_all()
             self._publish()
-        if self._held and now - self._cancelled_at > CANCEL_EVERY:
-            self._cancel_all()
+
+    def _complain(self, now: float, unfinished: list[Goal]) -> None:
+        if not unfinished:
+            self._unfinished_since, self._complained = None, False
+            return
+        if self._unfinished_since is None:
+            self._unfinished_since = now
+        if now - self._unfinished_since > PATIENCE and not self._complained:
+            self._complained = True
+            logger.error("%s has not ended a motion that was halted; it is cancelled on and on.", unfinished[0].name)
 
     def _publish(self) -> None:
         message = self._zero()
@@ -84,9 +126,51 @@ class Brake:
 
     def _cancel_all(self) -> None:
         self._cancelled_at = time.monotonic()
-        for client in self._cancels:
-            if client.service_is_ready():
-                # A request of zeros stands for all goals, whoever sent them (action_msgs/srv/CancelGoal).
-                answer = client.call_async(CancelGoal.Request())
-                self._open.add(answer)
-                answer.add_done_callback(self._open.discard)
+        unfinished = self._unfinished
+        for canceller in self._cancels:
+            canceller.cancel([goal for goal in unfinished if goal.name == canceller.action])
+
+
+class _Canceller:
+    """Cancels the goals of one action. On the ROS thread, but for `waiting`."""
+
+    def __init__(self, node: Any, action: str) -> None:
+        self.action = action
+        self._open: Any = None  # the cancel that was not answered yet: one at most
+        self._asked = 0.0  # monotonic time of that one
+        self._one = False  # the next cancel is for one goal
+        self._client = node.create_client(CancelGoal, f"{action}/_action/cancel_goal")
+
+    @property
+    def waiting(self) -> bool:
+        """A cancel is under way that may still be answered."""
+        return self._open is not None and time.monotonic() - self._asked < ANSWER_LIMIT
+
+    def cancel(self, unfinished: list[Goal]) -> None:
+        """Cancel everybody's goals; in turn with that one of `unfinished`, whose answer tells whether it is known."""
+        if self.waiting:
+            return
+        if self._open is not None:
+            self._client.remove_pending_request(self._open)
+            self._open = None
+        if not self._client.service_is_ready():
+            for goal in unfinished:
+                if goal.id is None and not goal.server_is_there():
+                    goal.forget()  # it was never accepted, and whoever could do so is gone
+            return
+        # A request of zeros stands for all goals, whoever sent them (action_msgs/srv/CancelGoal).
+        request = CancelGoal.Request()
+        named = [goal for goal in unfinished if goal.id is not None] if self._one else []
+        self._one = not self._one and bool(unfinished)
+        if named:
+            request.goal_info.goal_id = named[0].id
+        self._asked = time.monotonic()
+        answer = self._open = self._client.call_async(request)
+
+        def answered(_: Any) -> None:
+            if self._open is answer:
+                self._open = None
+            if named and answer.exception() is None and answer.result().return_code == UNKNOWN_GOAL:
+                named[0].forget()
+
+        answer.add_done_callback(answered)

@@ -64,12 +64,17 @@ def twist(message: Any) -> Twist:
     return Twist(linear if abs(linear) > STANDSTILL else 0.0, angular if abs(angular) > STANDSTILL else 0.0)
 
 
-def battery(message: Any) -> Battery:
-    """A sensor_msgs/BatteryState; `percentage` is from 0 to 1, some drivers say 0 to 100. Raises `ValueError`."""
+def in_percent(message: Any) -> bool:
+    """Whether the driver of this sensor_msgs/BatteryState says `percentage` from 0 to 100, as some do, not to 1."""
+    return float(message.percentage) > 1.5
+
+
+def battery(message: Any, percent: bool) -> Battery:
+    """A sensor_msgs/BatteryState; `percent`: its driver says 0 to 100. Raises `ValueError`."""
     level = float(message.percentage)
     if not math.isfinite(level):
         raise ValueError("a battery without a percentage")
-    level = level / 100 if level > 1.5 else level
+    level = level / 100 if percent else level
     return Battery(min(max(level, 0.0), 1.0), message.power_supply_status in (CHARGING, FULL))
 
 
@@ -91,13 +96,17 @@ def grid(message: Any) -> OccupancyGrid:
     )
 
 
-def scan(message: Any, sensor: Pose, robot: Pose) -> Scan:
+def scan(message: Any, sensor: Pose | None, robot: Pose) -> Scan:
     """A sensor_msgs/LaserScan, seen from the middle of the robot.
 
-    `sensor` is where the laser is in the robot's frame. Readings that hit nothing, or are none, are `range_max`.
+    `sensor` is where the laser is in the robot's frame, None when nobody knows. Readings that hit nothing, or are none,
+    are `range_max`. A scan that cannot be used has no readings.
     """
     ranges = np.array(message.ranges, dtype=np.float64)
     reach = float(message.range_max)
+    numbers = (reach, message.angle_min, message.angle_increment)
+    if sensor is None or not ranges.size or not all(map(math.isfinite, numbers)) or not message.angle_increment:
+        return Scan(seconds(message.header.stamp), robot, -math.pi, math.tau, 0.0, [])
     hit = np.isfinite(ranges) & (ranges >= message.range_min) & (ranges < reach)
     angles = message.angle_min + message.angle_increment * np.arange(ranges.size) + sensor.yaw
     start, step = float(message.angle_min) + sensor.yaw, float(message.angle_increment)

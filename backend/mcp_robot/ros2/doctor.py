@@ -78,6 +78,9 @@ def _topics(node: Any, senses: Any) -> Iterator[Finding]:
             what = f"{publishers} publisher{'' if publishers == 1 else 's'}, {said}"
             advice = f"Start what publishes it, or set robot.ros2.{setting}."
             yield (bad if math.isinf(age) else good)(f"topic {topic}", what, advice)
+    if not math.isinf(senses.age("scan")) and not senses.scan().ranges:
+        advice = f"Publish the transform from {senses.settings.base_frame} to the laser's frame."
+        yield bad("laser", "its scans cannot be used: they are empty, or nobody knows where the laser is", advice)
 
 
 def _picture(node: Any, senses: Any) -> Iterator[Finding]:

@@ -14,7 +14,7 @@ from typing import Any
 
 from action_msgs.msg import GoalStatus
 
-from backend.mcp_robot.refusal import Refusal
+from backend.mcp_robot.refusal import Halted, Refusal
 from backend.mcp_robot.ros2.link import RosLink
 from backend.mcp_robot.ros2.waiting import until
 
@@ -33,12 +33,31 @@ class Goal:
         self._client = client
         self._answer_timeout = answer_timeout
         self._handle: Any = None  # on the ROS thread: set when accepted
+        self._under_way = False  # set there: from when it is sent until its end is known
         self._heard = 0.0  # monotonic time of the latest feedback, or of acceptance
 
     def halt(self) -> None:
         """Cancel it, now or once it is accepted. Any thread; cannot fail."""
         self.halted = True
         self._link.submit(self._cancel)
+
+    @property
+    def unfinished(self) -> bool:
+        """It was halted, and nobody has said yet that it has ended."""
+        return self.halted and self._under_way
+
+    @property
+    def id(self) -> Any:
+        """Its unique_identifier_msgs/UUID, None until it is accepted."""
+        return self._handle and self._handle.goal_id
+
+    def forget(self) -> None:
+        """Its server does not know it (any more). On the ROS thread."""
+        self._handle, self._under_way = None, False
+
+    def server_is_there(self) -> bool:
+        """Whether the action's server is to be seen."""
+        return bool(self._client.server_is_ready())
 
     def _cancel(self) -> None:
         if self._handle is not None:
@@ -52,7 +71,7 @@ class Goal:
         on_feedback: Callable[[Any], None] | None = None,
         check: Callable[[], None] | None = None,
     ) -> tuple[int, Any]:
-        """Send it and wait for its end: status and result. Raises `Refusal`.
+        """Send it and wait for its end: status and result. Raises `Refusal` or `Halted`.
 
         `silence`: seconds without feedback, or without a result where there is none, after which it has failed.
         `check` is called all the while and may raise.
@@ -75,6 +94,7 @@ class Goal:
             except Exception as error:
                 settle(accepted, error)
                 return
+            self._under_way = handle.accepted
             self._heard = time.monotonic()
             if handle.accepted:
                 self._handle = handle
@@ -84,7 +104,7 @@ class Goal:
             settle(accepted, handle.accepted)
 
         def on_result(answer: Any) -> None:
-            self._handle = None
+            self.forget()
             try:
                 settle(ended, (answer.result().status, answer.result().result))
             except Exception as error:
@@ -96,6 +116,10 @@ class Goal:
                 loop.call_soon_threadsafe(on_feedback, message.feedback)
 
         def send() -> None:
+            if self.halted:
+                settle(accepted, Halted())
+                return
+            self._under_way = True
             self._client.send_goal_async(message, feedback_callback=feedback).add_done_callback(on_answer)
 
         over = False

@@ -43,6 +43,8 @@ REST_LIMIT = 3.0
 """Seconds that a motion's end waits for the robot to stand, as odometry says."""
 SILENCE = 10.0
 """Seconds without feedback after which an action has failed. Nav2 gives some many times a second."""
+BATTERY_TIMEOUT = 60.0
+"""Seconds of silence after which nobody knows the charge any more."""
 PLANNING_MARGIN = 0.05
 
 
@@ -76,13 +78,14 @@ class Ros2Robot:
             await self._wait_for_the_robot()
             yield
         finally:
-            await self._brake.let_go()  # what was cancelled last has to get out
+            with contextlib.suppress(Refusal):  # the brake has told the log
+                await self._brake.let_go()  # what was cancelled last has to get out
             await asyncio.to_thread(self._link.close)
 
     def _join(self) -> None:
         node, s = self._link.node, self._settings
         self._senses = Senses(node, s, self._limits.pose_timeout, self._zones)
-        self._brake = Brake(self._link, s, self._senses.clock)
+        self._brake = Brake(self._link, s, self._senses.clock, lambda: self._senses.twist != Twist(0.0, 0.0))
         self._camera = Camera(self._link, s, self._senses)
         self._navigate = ActionClient(node, NavigateToPose, s.navigate)
         self._spin = ActionClient(node, Spin, s.spin)
@@ -120,7 +123,7 @@ class Ros2Robot:
             "the robot's pose": senses.lost is None,
             f"odometry ({s.odom})": senses.odometry is not None,
             f"the battery ({s.battery})": senses.battery is not None or not s.battery,
-            f"the laser ({s.scan})": senses.scan().time > 0 or not s.scan,
+            f"the laser and its transform ({s.scan})": bool(senses.scan().ranges) or not s.scan,
             f"the action {s.navigate}": self._navigate.server_is_ready(),
             f"the action {s.spin}": self._spin.server_is_ready(),
         }
@@ -142,9 +145,11 @@ class Ros2Robot:
 
     @property
     def battery(self) -> Battery:
-        """Its charge; empty while it has said nothing, full where it has no topic for it."""
-        unknown = Battery(0.0 if self._settings.battery else 1.0, False)
-        return self._senses.battery or unknown
+        """Its charge; empty while it says nothing, full where it has no topic for it."""
+        if not self._settings.battery:
+            return Battery(1.0, False)
+        told = self._senses.battery if self._senses.age("battery") <= BATTERY_TIMEOUT else None
+        return told or Battery(0.0, False)
 
     @property
     def grid(self) -> OccupancyGrid:
@@ -247,6 +252,7 @@ class Ros2Robot:
         if self._halts != halts:
             raise Halted
         goal = self._goal = Goal(self._link, client, name, self._settings.answer_timeout)
+        self._brake.watch(goal)
         self._remaining = begin
         try:
             status, result = await goal.run(
@@ -257,7 +263,8 @@ class Ros2Robot:
             await self._at_rest()
             raise
         finally:
-            self._goal = self._remaining = None
+            if self._goal is goal:  # else a newer motion has begun
+                self._goal = self._remaining = None
         await self._at_rest()
         if goal.halted and status in (CANCELED, ABORTED):
             raise Halted
@@ -270,6 +277,7 @@ class Ros2Robot:
         """The robot's pose in the map. Raises `Refusal` (lost) when it is not known well enough to move."""
         lost = self._senses.lost
         if lost is None:
+            self._odometry_speaks()
             return self.fix
         if math.isinf(lost):
             sentence = "The robot does not know where it is. Set its initial pose, and wait for its localisation."
@@ -277,7 +285,14 @@ class Ros2Robot:
             sentence = f"The robot lost its pose {lost:.0f} s ago. Wait for its localisation, or set its pose anew."
         raise Refusal("lost", sentence)
 
+    def _odometry_speaks(self) -> None:
+        """Without it the robot seems to stand, and nothing that it does would be looked at. Raises `Refusal` (lost)."""
+        if self._senses.age("odom") > self._limits.pose_timeout:
+            advice = "Start what publishes it, or see `robot-acp doctor`."
+            raise Refusal("lost", f"The robot's odometry is silent, on the topic {self._settings.odom}. {advice}")
+
     def _not_lost_while_moving(self) -> None:
+        self._odometry_speaks()
         lost = self._senses.lost
         if lost is not None and lost > 2 * self._limits.pose_timeout:  # Nav2 may find it again a little later
             self._located()

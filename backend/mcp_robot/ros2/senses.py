@@ -9,10 +9,12 @@ import logging
 import math
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
+from msgspec.structs import replace
 from nav_msgs.msg import OccupancyGrid as GridMessage
 from nav_msgs.msg import Odometry
 from nav_msgs.msg import Path as PathMessage
@@ -67,8 +69,10 @@ class Senses:
         self.on_plan: Callable[[Floats], None] = lambda _: None  # called on the ROS thread with each new path
         self._amcl: Heard | None = None
         self._located: tuple[Heard, Pose | None] | None = None  # last pose in the map, and the odometry then
-        self._scan: Any = None  # the message; converted when somebody asks
+        self._scan: tuple[Any, float, float] | None = None  # message, robot's time and monotonic time of its arrival
         self._converted: tuple[Any, Scan] | None = None  # the message converted last, and its scan
+        self._in_percent = False  # set once the battery's driver has said more than a share can be
+        self._maps = ThreadPoolExecutor(1, "map")  # a large map takes a while: neither ROS nor asyncio waits
         self._time: tuple[float, float] | None = None  # of /clock, and the monotonic time when that was heard
         self._complained: set[str] = set()  # topics whose unusable messages were logged
         s = settings
@@ -149,15 +153,22 @@ class Senses:
         return amcl, "amcl_pose"
 
     def scan(self) -> Scan:
-        """The latest laser scan; one without readings before the first."""
-        message = self._scan
-        if message is None:
+        """The latest laser scan; one without readings before the first, and where nobody knows where the laser is."""
+        if self._scan is None:
             return Scan(0.0, self.fix.pose, -math.pi, math.tau, 0.0, [])
+        message, heard, arrived = self._scan
         if self._converted is None or self._converted[0] is not message:
             sensor = self.frames.find(message.header.frame_id, self.settings.base_frame)
-            pose = sensor.pose if sensor else Pose(0.0, 0.0, 0.0)
-            self._converted = (message, convert.scan(message, pose, self.fix.pose))
-        return self._converted[1]
+            scan = convert.scan(message, sensor.pose if sensor else None, self.fix.pose)
+            # A stamp may be ahead of our clock: a laser is never younger than its message.
+            scan = replace(scan, time=min(scan.time, heard))
+            if sensor:  # else its transform may still come
+                self._converted = (message, scan)
+        else:
+            scan = self._converted[1]
+        now = self.clock()
+        # A clock that was set back must not make a dead laser young either.
+        return scan if scan.time <= now else replace(scan, time=now - (time.monotonic() - arrived))
 
     def _remember(self) -> None:
         heard, _ = self._in_map()
@@ -192,13 +203,24 @@ class Senses:
         self._remember()
 
     def _on_grid(self, message: Any) -> None:
-        self.grid = keep_out.applied(convert.grid(message), self._zones)
+        grid = convert.grid(message)
+
+        def prepare() -> None:
+            try:
+                ready = keep_out.applied(grid, self._zones)
+                ready.distance  # noqa: B018  # computed here, or else by who asks first: the guard, on the event loop
+                self.grid = ready
+            except Exception:
+                logger.exception("The map cannot be used.")
+
+        self._maps.submit(prepare)
 
     def _on_battery(self, message: Any) -> None:
-        self.battery = convert.battery(message)
+        self._in_percent = self._in_percent or convert.in_percent(message)
+        self.battery = convert.battery(message, self._in_percent)
 
     def _on_scan(self, message: Any) -> None:
-        self._scan = message
+        self._scan = message, self.clock(), time.monotonic()
 
     def _on_plan(self, message: Any) -> None:
         self.on_plan(convert.path(message))

@@ -1,0 +1,127 @@
+"""A halt is over when the motion has ended, not when somebody was asked to end it."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from tests.mcp_robot.test_tools import refused
+from tests.processes import eventually
+from tests.ros2.conftest import Setting, node
+
+SILENT = "timeout: stubborn has said nothing"
+UNFINISHED = "timeout: stubborn does not end the motion that was halted"
+
+
+class Stubborn:
+    """An action server that accepts goals and cancels, and ends a goal only when it is told to."""
+
+    def __init__(self, link: Any) -> None:
+        from nav2_msgs.action import Spin
+        from rclpy.action import ActionServer, CancelResponse
+
+        self._link = link
+        self.goals: list[Any] = []
+
+        def execute(handle: Any) -> Any:
+            handle.canceled()
+            return Spin.Result()
+
+        ActionServer(
+            link.node, Spin, "stubborn", execute,
+            handle_accepted_callback=self.goals.append, cancel_callback=lambda _: CancelResponse.ACCEPT,
+        )  # fmt: skip
+
+    def end(self) -> None:
+        self._link.submit(self.goals[0].execute)
+
+
+@pytest.fixture
+def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
+    from backend.mcp_robot.ros2 import ros2_robot
+
+    monkeypatch.setattr(ros2_robot, "SILENCE", 0.5)
+
+
+async def test_it_brakes_until_the_halted_motion_has_ended_and_begins_no_other(
+    real_time: Setting, hurried: None
+) -> None:
+    from geometry_msgs.msg import TwistStamped
+
+    zeros: list[Any] = []
+    async with node(real_time.domain) as link:
+        stubborn = Stubborn(link)
+        link.node.create_subscription(TwistStamped, "cmd_vel_nav", zeros.append, 1)
+        link.open()
+        async with real_time.served(spin="stubborn") as robot, robot.mcp() as client:
+            assert (await refused(client, "rotate_in_place", degrees=10)).startswith(SILENT)
+            assert (await refused(client, "rotate_in_place", degrees=10)).startswith(UNFINISHED)
+            assert (await refused(client, "navigate_to_place", place="reception")).startswith(UNFINISHED)
+            assert len(stubborn.goals) == 1
+            seen = len(zeros)
+            await eventually(lambda: len(zeros) > seen + 10, "zeros long after the halt")
+            stubborn.end()
+            assert (await refused(client, "rotate_in_place", degrees=10)).startswith(SILENT)
+            assert len(stubborn.goals) == 2
+
+
+async def test_a_server_that_was_restarted_knows_nothing_of_the_halted_motion(
+    real_time: Setting, hurried: None
+) -> None:
+    async with real_time.served(spin="stubborn") as robot, robot.mcp() as client:
+        async with node(real_time.domain) as link:
+            killed = Stubborn(link)
+            link.open()
+            await rotate_until_it_has_a_goal(client, killed)
+        assert (await refused(client, "rotate_in_place", degrees=10)).startswith(UNFINISHED)
+        async with node(real_time.domain) as link:
+            restarted = Stubborn(link)
+            link.open()
+            await rotate_until_it_has_a_goal(client, restarted)
+
+
+async def rotate_until_it_has_a_goal(client: Any, server: Stubborn) -> None:
+    async with asyncio.timeout(20):
+        while not server.goals:
+            await refused(client, "rotate_in_place", degrees=10)
+
+
+@contextlib.contextmanager
+def busy(link: Any) -> Iterator[None]:
+    """A node that is there, and answers nothing."""
+    gate = threading.Event()
+    link.submit(gate.wait)
+    try:
+        yield
+    finally:
+        gate.set()
+
+
+async def test_a_cancel_that_nobody_answers_is_asked_again_and_holds_up_no_motion(real_time: Setting) -> None:
+    from backend.config import Ros2
+    from backend.mcp_robot.ros2.brake import Brake
+
+    async with node(real_time.domain) as hung, node(real_time.domain) as link:
+        Stubborn(hung)
+        hung.open()
+        brake = Brake(link, Ros2(spin="stubborn", navigate="absent", stops=[]), time.time, lambda: False)
+        canceller = next(each for each in brake._cancels if each.action == "stubborn")
+        link.open()
+        await eventually(canceller._client.service_is_ready, "the brake to see the server")
+        with busy(hung):
+            brake.hold(True)
+            await eventually(lambda: canceller._open is not None, "a cancel")
+            first = canceller._open
+            await eventually(lambda: canceller._open not in (None, first), "another one, after a while")
+            assert len(canceller._client._pending_requests) == 1
+            brake.hold(False)
+            await eventually(lambda: not canceller.waiting, "nobody to wait for it")
+            began = time.monotonic()
+            await brake.let_go()
+            assert time.monotonic() - began < 0.5

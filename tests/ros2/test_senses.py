@@ -1,0 +1,100 @@
+"""What topics say is never taken for younger, nearer or surer than it is."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from backend.telemetry import Pose
+from tests.processes import eventually
+from tests.ros2.conftest import node
+from tests.ros2_robots import free_domain
+
+
+class Spoken:
+    """Senses, and a voice for the topics that they listen to."""
+
+    def __init__(self, link: Any) -> None:
+        from nav_msgs.msg import OccupancyGrid
+        from sensor_msgs.msg import BatteryState, LaserScan
+
+        from backend.config import Ros2
+        from backend.mcp_robot.ros2.frames import Link
+        from backend.mcp_robot.ros2.senses import LATCHED, Senses
+
+        self.senses = Senses(link.node, Ros2(), 1.0, ())
+        self.laser_is_at = lambda pose: self.senses.frames.put("laser", Link("base_link", pose, time.time(), 0.0))
+        self.scans = link.node.create_publisher(LaserScan, "scan", 1)
+        self.batteries = link.node.create_publisher(BatteryState, "battery_state", 1)
+        self.maps = link.node.create_publisher(OccupancyGrid, "map", LATCHED)
+
+    async def say_scan(self, *, ahead: float = 0.0, ranges: tuple[float, ...] = (1.0, 2.0)) -> None:
+        from sensor_msgs.msg import LaserScan
+
+        from backend.mcp_robot.ros2 import convert
+
+        message = LaserScan(angle_increment=0.1, range_max=9.0, ranges=ranges)
+        message.header.frame_id = "laser"
+        convert.set_seconds(message.header.stamp, time.time() + ahead)
+        before = self.senses.arrivals.get("scan")
+        await eventually(self.scans.get_subscription_count, "somebody who listens to scans")
+        self.scans.publish(message)
+        await eventually(lambda: self.senses.arrivals.get("scan") != before, "the scan")
+
+
+@pytest.fixture
+async def spoken(interfaces: Path) -> AsyncIterator[Spoken]:
+    async with node(free_domain()) as link:
+        spoken = Spoken(link)
+        link.open()
+        yield spoken
+
+
+async def test_a_scan_with_a_stamp_from_the_future_is_as_old_as_its_message(spoken: Spoken) -> None:
+    spoken.laser_is_at(Pose(0.0, 0.0, 0.0))
+    await spoken.say_scan(ahead=60.0)
+    first = spoken.senses.scan()
+    assert first.time <= time.time()
+    await eventually(lambda: time.time() - spoken.senses.scan().time > 0.2, "the scan to be old")
+    assert spoken.senses.scan() == first
+
+
+async def test_a_clock_that_is_set_back_makes_no_laser_young(spoken: Spoken, monkeypatch: pytest.MonkeyPatch) -> None:
+    spoken.laser_is_at(Pose(0.0, 0.0, 0.0))
+    await spoken.say_scan()
+    monkeypatch.setattr(spoken.senses, "clock", lambda: time.time() - 60)
+    await eventually(lambda: spoken.senses.clock() - spoken.senses.scan().time > 0.2, "the scan to be old")
+
+
+async def test_a_laser_that_is_nobody_knows_where_has_no_readings_until_somebody_does(spoken: Spoken) -> None:
+    await spoken.say_scan()
+    assert spoken.senses.scan().ranges == []
+    spoken.laser_is_at(Pose(0.2, 0.0, 0.0))
+    assert spoken.senses.scan().ranges
+
+
+async def test_a_battery_in_percent_stays_one_at_its_end(spoken: Spoken) -> None:
+    from sensor_msgs.msg import BatteryState
+
+    await eventually(spoken.batteries.get_subscription_count, "somebody who listens to the battery")
+    for percentage, level in ((2.0, 0.02), (1.0, 0.01)):
+        spoken.batteries.publish(BatteryState(percentage=percentage))
+        await eventually(
+            lambda wanted=level: spoken.senses.battery and spoken.senses.battery.level == pytest.approx(wanted),
+            f"a battery at {level:.0%}",
+        )
+
+
+async def test_a_map_comes_with_its_distances(spoken: Spoken) -> None:
+    from nav_msgs.msg import OccupancyGrid
+
+    message = OccupancyGrid(data=[0] * 6)
+    message.info.width, message.info.height, message.info.resolution = 3, 2, 0.5
+    message.info.origin.orientation.w = 1.0
+    spoken.maps.publish(message)
+    await eventually(lambda: spoken.senses.grid, "the map")
+    assert "distance" in vars(spoken.senses.grid)
