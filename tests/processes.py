@@ -82,6 +82,13 @@ class Robot:
         finally:
             end(process)
 
+    def with_another_agent(self, environment: dict[str, str] | None = None) -> Robot:
+        """The same robot server and data folder with an agent of its own: on another port, with another database."""
+        port = free_port()
+        database = {"ROBOT_ACP_AGENT__DATABASE": f"sqlite:///{self.data / f'sessions-{port}.db'}"}
+        kept = self.environment | database | (environment or {})
+        return Robot(self.data, kept, robot_port=self.robot_port, agent_port=port)
+
     def token(self, name: str, role: Role, seconds: float = 3600.0) -> str:
         return tokens.create(self.data, name, role, seconds)
 

@@ -7,7 +7,6 @@ import contextlib
 import json
 from collections.abc import AsyncIterator, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -73,7 +72,7 @@ async def client_of(robot: Robot, provider: Provider) -> AsyncIterator[Client]:
     """A client of an agent whose model is the provider's; the first thought, which asks it too, is off."""
     address = f"http://127.0.0.1:{provider.port}/v1"
     variables = {"ROBOT_ACP_AGENT__MODEL": "openai/m", "OPENAI_API_KEY": "none", "OPENAI_API_BASE": address}
-    agent = Robot(Path(robot.data), variables, robot_port=robot.robot_port)
+    agent = robot.with_another_agent(variables)
     with agent.running("agent", port=agent.agent_port):
         client = await Client.open(f"tcp://127.0.0.1:{agent.agent_port}")
         session = await client.new()

@@ -68,7 +68,7 @@ def test_an_address_that_does_not_answer_is_told(robot: Robot, address: str, pro
 
 
 async def test_losing_the_agent_ends_it_though_the_input_stays_open(robot: Robot) -> None:
-    own = Robot(robot.data, robot.environment, robot_port=robot.robot_port)
+    own = robot.with_another_agent()
     with own.running("agent", port=own.agent_port) as agent:
         process = own.spawn("chat", stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         assert process.stdout is not None

@@ -154,7 +154,7 @@ async def test_a_bridge_that_dies_leaves_no_request_without_an_answer(robot: Rob
 
 
 async def test_an_agent_that_dies_is_told_over_tcp_as_well(robot: Robot) -> None:
-    own = Robot(robot.data, robot_port=robot.robot_port)
+    own = robot.with_another_agent()
     with own.running("agent", port=own.agent_port) as agent:
         async with connected(own, f"tcp://127.0.0.1:{own.agent_port}") as editor:
             await editor.request("initialize", **HELLO)
