@@ -72,7 +72,7 @@ FORGERIES = {
     "no name": jwt.encode(claims(sub=None), KEY, algorithm="HS256"),
     "no id": jwt.encode(claims(jti=None), KEY, algorithm="HS256"),
     "no end": jwt.encode(claims(exp=None), KEY, algorithm="HS256"),
-    "not valid yet": jwt.encode(claims(nbf=int(time.time()) + 600), KEY, algorithm="HS256"),
+    "not valid yet": jwt.encode(claims(nbf=int(time.time()) + 43_200), KEY, algorithm="HS256"),
 }
 
 

@@ -7,7 +7,6 @@ types. Nothing here talks to the robot or to a model: that is the turn.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import logging
 from typing import Any
 
@@ -41,7 +40,7 @@ from backend.agent.connection import ClientConnection, after_the_answer
 from backend.agent.house import House
 from backend.agent.offers import Offer, OfferRefused
 from backend.agent.robot_link import RobotLinkError
-from backend.agent.session import Session
+from backend.agent.session import QueueFull, Session
 from backend.agent.telemetry_feed import TelemetryFeed
 from backend.agent.tool_server import ServerUnavailable
 from backend.agent.turn import Turn
@@ -92,8 +91,7 @@ class AcpServer:
 
     def left(self) -> None:
         """The client has gone."""
-        for session in self._attached.values():
-            session.detach(self._connection)
+        self._detach_all()
         if self._feed:
             self._feed.close()
 
@@ -136,14 +134,26 @@ class AcpServer:
         """Forget who this is: nothing is shown to it, and it is asked nothing, until it authenticates."""
         del meta
         self._connection.identity = None
-        for session in self._attached.values():
-            session.detach(self._connection)
-        self._attached.clear()
+        self._detach_all()
         return LogoutResponse()
 
     def _judge(self) -> None:
-        for session in self._attached.values():
-            session.judge(self._connection)
+        """Who this is has changed, and so may what it may see and be asked."""
+        who = self._known()
+        for session in list(self._attached.values()):
+            if not self._house.sessions.shows(session, who):
+                self._detach(session.id)
+            elif self._connection in session.watching:  # else it is judged when it is attached
+                session.judge(self._connection)
+
+    def _detach(self, session_id: str) -> None:
+        if session := self._attached.pop(session_id, None):  # what waits to be attached is not attached any more
+            session.detach(self._connection)
+
+    def _detach_all(self) -> None:
+        self._attached.clear()
+        for session in self._house.sessions.open_sessions:
+            session.detach(self._connection)
 
     def _identify(self, token: object) -> None:
         try:
@@ -256,8 +266,7 @@ class AcpServer:
         del meta
         session = await self._own(session_id)
         await session.close()
-        session.detach(self._connection)
-        self._attached.pop(session_id, None)
+        self._detach(session_id)
         return CloseSessionResponse()
 
     async def delete_session(self, session_id: str, meta: dict[str, Any] | None = None) -> dict[str, Any]:
@@ -273,28 +282,44 @@ class AcpServer:
     async def prompt(
         self, session_id: str, prompt: list[BaseModel], meta: dict[str, Any] | None = None
     ) -> PromptResponse:
-        """Run a turn; the answer comes after its last update."""
+        """Run a turn; the answer comes after its last update. `/stop` stops first, whoever says it and wherever."""
         del meta
-        who = self._authorized(Right.PROMPT)
-        session = await self._own(session_id)
-        if self._house.journal.failure:
-            raise RequestError(wire.INTERNAL_ERROR, self._house.journal.failure)
-        if self._connection not in session.watching:
-            await self._attach(session)
+        who = self._known()
         blocks = [block.model_dump(mode="json", by_alias=True, exclude_none=True) for block in prompt]
-        if commands.named_in(blocks) == "stop":
-            with contextlib.suppress(RobotLinkError):  # the turn tells it; a stop waits for no turn that runs
-                await self._house.link.stop(who.name)
-        turn = Turn(self._house.bench, session, who, blocks, self._connection)
+        if not blocks:
+            raise RequestError(wire.INVALID_PARAMS, "A prompt needs at least one block.")
+        stopped: str | None = None
+        if commands.named_in(blocks) == "stop":  # a stop waits for nothing: no right, no log, no turn that runs
+            stopped = await self._stopped(who)
+            session = await self._session(session_id)
+        else:
+            self._authorized(Right.PROMPT)
+            session = await self._own(session_id)
+            if self._house.journal.failure:
+                raise RequestError(wire.INTERNAL_ERROR, self._house.journal.failure)
+        if self._connection not in session.watching:
+            await self._watch(session)  # behind no replay: a cancel that comes next must find the turn
+        turn = Turn(self._house.bench, session, who, blocks, self._connection, stopped)
 
         async def work() -> str:
             if session.row.start_pose is None and (pose := await self._house.sessions.robot_pose()):
                 session.change(start_pose=pose)
             return await turn.run()
 
-        reason = await session.run_turn(work)
+        try:
+            reason = await session.run_turn(work)
+        except QueueFull as full:
+            raise RequestError(wire.INTERNAL_ERROR, str(full)) from None
         await session.flushed()
         return PromptResponse(stop_reason=reason)
+
+    async def _stopped(self, who: Identity) -> str:
+        """Stop the robot, and tell in words what came of it."""
+        try:
+            await self._house.link.stop(who.name)
+        except RobotLinkError as error:
+            return str(error)
+        return "I am stopped. A supervisor has to release me."
 
     async def cancel(self, session_id: str, meta: dict[str, Any] | None = None) -> None:
         """End the turn. Whoever may prompt in a session may cancel in it."""
@@ -345,9 +370,9 @@ class AcpServer:
                 )
                 return {"from": loser.by if loser else None}
             if name == "robot/leave":
-                self._known()
-                if session := self._attached.pop(str(params.get("sessionId")), None):
-                    session.detach(self._connection)
+                session_id = str(params.get("sessionId"))
+                await self._house.sessions.get(session_id, self._known())  # behind a load that waits for the database
+                self._detach(session_id)
                 return {}
             if name == "robot/abilities":
                 self._known()
@@ -378,7 +403,7 @@ class AcpServer:
     async def _session(self, session_id: str) -> Session:
         session = await self._house.sessions.get(session_id, self._known())
         if session is None:
-            raise RequestError(wire.INVALID_PARAMS, f"There is no session {session_id[:64]}.")
+            raise _no_session(session_id)
         return session
 
     async def _own(self, session_id: str) -> Session:
@@ -407,10 +432,18 @@ class AcpServer:
     async def _attach(self, session: Session, after: int | None = None) -> None:
         self._attached[session.id] = session
         async with self._attaching:  # two replays at once would mix their events
-            if after is None:
-                await session.attach(self._connection)
-            else:
-                await session.attach(self._connection, lambda upto: self._house.sessions.replay(session, after, upto))
+            if self._attached.get(session.id) is session:  # else it was left meanwhile
+                await self._watch(session, after)
+
+    async def _watch(self, session: Session, after: int | None = None) -> None:
+        if not self._house.sessions.shows(session, self._known()):  # the login may have changed meanwhile
+            self._attached.pop(session.id, None)
+            raise _no_session(session.id)
+        self._attached[session.id] = session
+        if after is None:
+            await session.attach(self._connection)
+        else:
+            await session.attach(self._connection, lambda upto: self._house.sessions.replay(session, after, upto))
         after_the_answer(lambda: self._tell_commands(session.id))
 
     def _tell_commands(self, session_id: str) -> None:
@@ -427,3 +460,7 @@ class AcpServer:
     def _follow_robot(self, wanted: Any) -> None:
         if isinstance(wanted, dict):
             self._feed = TelemetryFeed(self._house, self._connection, wanted.get("rate"))
+
+
+def _no_session(session_id: str) -> RequestError:
+    return RequestError(wire.INVALID_PARAMS, f"There is no session {session_id[:64]}.")

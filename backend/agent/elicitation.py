@@ -1,6 +1,7 @@
 """A question to a person with a few answers to choose from, as ACP's form elicitation.
 
-For what is ambiguous, never for permission: an answer here allows nothing.
+For what is ambiguous, never for permission: an answer here allows nothing. But it can tell where the robot drives, so
+only whoever asked for the turn and those who may approve are asked, never somebody who only watches.
 """
 
 from __future__ import annotations
@@ -19,12 +20,14 @@ class NoAnswerError(Exception):
     """Nobody chose; the text tells the model what to do instead."""
 
 
-async def choose(session: Session, first: Listener | None, question: str, options: list[str], timeout_s: float) -> str:
-    """The option that a person chose: whoever asked for the turn, else anyone attached who can be shown a form.
+async def choose(
+    session: Session, first: Listener | None, question: str, options: list[str], timeout_s: float
+) -> tuple[str, str]:
+    """The option that a person chose, and who that is: whoever asked for the turn, `first`, else one who may approve.
 
     Raises `NoAnswerError`. Cancelling it withdraws the question.
     """
-    able = [listener for listener in session.watching if listener.takes_forms]
+    able = [listener for listener in session.watching if listener.takes_forms and _may_choose(listener, first)]
     if not able:
         raise NoAnswerError("Nobody can be asked this way. Put the question into your answer.")
     person = first if first in able else able[0]
@@ -36,10 +39,16 @@ async def choose(session: Session, first: Listener | None, question: str, option
             result = await person.request("elicitation/create", params)
     except (TimeoutError, RequestError, ConnectionError):
         raise NoAnswerError("Nobody answered. Do not guess.") from None
-    for option in options:
-        if _chosen(result) == option:
-            return option
+    # What somebody may do can have changed since the question was put.
+    if person in session.watching and _may_choose(person, first):
+        for option in options:
+            if _chosen(result) == option:
+                return option, person.name
     raise NoAnswerError("The person chose none of these. Do not guess.")
+
+
+def _may_choose(listener: Listener, first: Listener | None) -> bool:
+    return listener is first or listener.may_approve
 
 
 def _chosen(result: Any) -> Any:

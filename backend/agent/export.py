@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import posixpath
 import sys
 from collections.abc import AsyncIterator, Iterable
@@ -11,10 +12,14 @@ from datetime import datetime
 import orjson
 from acp.exceptions import RequestError
 
+from backend import wire
 from backend.agent.database import StoreError
 from backend.agent.session import Listener, Session
 from backend.agent.store import Event, Store
 from backend.config import ConfigError
+
+_FRAME_ROOM = 64 * 1024
+"""What a message needs beside its content: mostly the path."""
 
 
 def as_lines(events: Iterable[Event]) -> str:
@@ -25,19 +30,27 @@ def as_lines(events: Iterable[Event]) -> str:
     )
 
 
-async def hand_over(session: Session, store: Store, to: Listener | None) -> str:
-    """Write the log through the client that asked, where it takes files, and tell in words what came of it."""
+async def hand_over(session: Session, store: Store, to: Listener | None, timeout_s: float) -> str:
+    """Write the log through the client that asked, where it takes files and answers in time, and tell in words what
+    came of it."""
+    otherwise = f"On the robot's computer, `robot-acp sessions export {session.id}` prints the log."
     if to is None or not to.takes_files:
-        return (
-            "Your program takes no files from me. On the robot's computer, "
-            f"`robot-acp sessions export {session.id}` prints the log."
-        )
+        return f"Your program takes no files from me. {otherwise}"
     await session.flushed()
     path = posixpath.join(session.row.cwd, f"robot-acp-{session.id}.jsonl")
-    content = as_lines([event async for event in store.events(session.id)])
+    lines: list[str] = []
+    size = 0
+    async for event in store.events(session.id):
+        lines.append(as_lines([event]))
+        size += len(orjson.dumps(lines[-1]))  # as it is on the wire
+        if size > wire.MAX_FRAME_BYTES - _FRAME_ROOM:
+            return f"The log is too long for one message to your program. {otherwise}"
+    if to not in session.watching:
+        return "Whoever asked for the log is no longer here."
     try:
-        await to.request("fs/write_text_file", {"sessionId": session.id, "path": path, "content": content})
-    except (RequestError, ConnectionError):
+        async with asyncio.timeout(timeout_s):
+            await to.request("fs/write_text_file", {"sessionId": session.id, "path": path, "content": "".join(lines)})
+    except (TimeoutError, RequestError, ConnectionError):
         return f"Your program did not write {path}."
     return f"The log of this session is in {path}."
 

@@ -44,6 +44,8 @@ class History:
         meta = update.get("_meta") or {}
         if turn := meta.get("robot-acp/turn"):
             self.interrupted = turn["id"] if turn["state"] == "running" else None
+        if "robot-acp/forked" in meta:  # in this session nobody has allowed anything yet
+            self.remembered = {tool: allowed for tool, allowed in self.remembered.items() if not allowed}
         if kind == "user_message_chunk":
             self._user(update["content"], (turn or {}).get("id"))
         elif kind == "agent_message_chunk":
@@ -60,6 +62,10 @@ class History:
     def messages(self, max_chars: int = MAX_CHARS) -> list[Message]:
         """The newest whole turns that fit into `max_chars`, and always the last one, its results cut where it alone is
         too long."""
+        kept = self._newest(max_chars)
+        return _fitted([message for turn in kept for message in turn], max_chars)
+
+    def _newest(self, max_chars: int) -> list[list[Message]]:
         kept: list[list[Message]] = []
         size = 0
         for turn in reversed(self._turns):
@@ -67,7 +73,7 @@ class History:
             if kept and size > max_chars:
                 break
             kept.append(turn)
-        return _fitted([message for turn in reversed(kept) for message in turn], max_chars)
+        return kept[::-1]
 
     def _user(self, block: dict[str, Any], turn_id: str | None) -> None:
         part = _as_part(block)
@@ -76,6 +82,7 @@ class History:
         else:
             self._close_open_calls()
             self._turn_id = turn_id
+            self._turns = self._newest(MAX_CHARS)  # nobody is given the others any more, and they can hold pictures
             self._turns.append([{"role": "user", "content": [part]}])
 
     def _assistant_text(self, text: str) -> None:

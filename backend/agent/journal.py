@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 from collections import deque
 from collections.abc import Callable
 
@@ -31,6 +32,8 @@ class Journal:
     def __init__(self, store: Store) -> None:
         self._store = store
         self._unkept: list[Event] = []
+        self._keeping: list[Event] = []
+        """What the write that is under way keeps."""
         self._unshown: deque[tuple[Event, Publish]] = deque()
         self._changes: Changes = {}
         self._wake = asyncio.Event()
@@ -47,6 +50,11 @@ class Journal:
         if self.failure:
             self._show(len(self._unshown))
         self._more()
+
+    def unkept(self, session_id: str, after: int = 0, upto: float = math.inf) -> list[Event]:
+        """The events of a session with `after < seq <= upto` that nobody knows to be kept, in order."""
+        waiting = (*self._keeping, *self._unkept)
+        return [event for event in waiting if event.session_id == session_id and after < event.seq <= upto]
 
     def change(self, session_id: str, fields: dict[str, object]) -> None:
         """Change columns of a session's row soon."""
@@ -84,6 +92,7 @@ class Journal:
     async def _keep(self) -> None:
         """Write all that waits, then show it; where it cannot be written, show it all the same."""
         events, self._unkept = self._unkept, []
+        self._keeping = events
         changes, self._changes = self._changes, {}
         unshown = len(self._unshown)
         try:
@@ -100,6 +109,7 @@ class Journal:
             if self.failure:
                 log.warning("the session log can be written again")
             self.failure = None
+        self._keeping = []
         self._show(unshown)
 
     def _show(self, number: int) -> None:

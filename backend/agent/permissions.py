@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from typing import Any, Literal, Protocol
@@ -21,6 +21,7 @@ log = logging.getLogger(__name__)
 Reason = Literal["selected", "remembered", "timeout", "nobody"]
 
 OPTION_KINDS = ("allow_once", "allow_always", "reject_once", "reject_always")
+_ONCE = ("allow_once", "reject_once")
 
 
 class Approver(Protocol):
@@ -66,20 +67,22 @@ class Verdict:
                 return "refused: nobody is there who may allow it"
 
 
-def options(subject: str) -> list[dict[str, str]]:
-    """The four answers, in words for people; `subject` is what the tool does, as in "speech"."""
+def options(subject: str, *, once: bool = False) -> list[dict[str, str]]:
+    """The four answers, in words for people, or the two that count `once`; `subject` is what the tool does, as in
+    "speech"."""
     names = ("Allow", f"Allow {subject} in this session", "Don't", f"Never {subject} in this session")
-    return [{"optionId": k, "name": n, "kind": k} for k, n in zip(OPTION_KINDS, names, strict=True)]
+    all_four = zip(OPTION_KINDS, names, strict=True)
+    return [{"optionId": k, "name": n, "kind": k} for k, n in all_four if k in _ONCE or not once]
 
 
-def read_answer(result: Any) -> str | None:
+def read_answer(result: Any, offered: Collection[str] = OPTION_KINDS) -> str | None:
     """The option that a client's answer chose, if it is one of those offered; else None, which refuses."""
     try:
         outcome = RequestPermissionResponse.model_validate(result).outcome
     except ValidationError:
         return None
     option = getattr(outcome, "option_id", None)
-    return option if option in OPTION_KINDS else None
+    return option if option in offered else None
 
 
 @dataclass(eq=False)
@@ -142,6 +145,7 @@ class PermissionDesk:
     ) -> Verdict:
         """Ask everyone who may approve but `not_by`, and wait for the first valid answer, at most for the time limit.
 
+        With `not_by`, two people agree on this one call: no answer is offered that would count for later ones.
         Cancelling the call withdraws the question everywhere.
         """
         if not self.attended(not_by):
@@ -150,7 +154,7 @@ class PermissionDesk:
         params = {
             "sessionId": session_id,
             "toolCall": tool_call,
-            "options": options(subject),
+            "options": options(subject, once=not_by is not None),
             "_meta": {
                 "robot-acp/expires": expires.isoformat(),
                 "robot-acp/timeout_s": self.timeout_s,
@@ -180,7 +184,8 @@ class PermissionDesk:
         try:
             answer = await approver.request("session/request_permission", question.params)
             # What somebody may do can have changed since the question was put.
-            option = read_answer(answer) if approver.may_approve else None
+            offered = [option["optionId"] for option in question.params["options"]]
+            option = read_answer(answer, offered) if approver.may_approve else None
         except Exception as error:  # an error response or a lost connection; it must not break the turn
             log.info("no answer from %s: %s", approver.name, type(error).__name__)
             option = None

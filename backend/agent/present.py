@@ -118,6 +118,11 @@ def turn_ended(turn_id: str, stop_reason: str) -> Update:
     return {"sessionUpdate": "session_info_update", "_meta": meta}
 
 
+def forked(original: str) -> Update:
+    """The first of a fork's own events: what comes before it happened in the session `original`."""
+    return {"sessionUpdate": "session_info_update", "_meta": {"robot-acp/forked": {"from": original}}}
+
+
 def current_mode(mode_id: str) -> Update:
     """The mode that counts from now on."""
     return {"sessionUpdate": "current_mode_update", "currentModeId": mode_id}

@@ -28,11 +28,14 @@ from backend.agent.store import Store
 from backend.agent.tool_server import ToolServer
 from backend.agent.turn import Workbench
 from backend.config import ConfigError, Settings
+from backend.sockets import notice_loss
 from backend.tokens import Registry
 
 log = logging.getLogger(__name__)
 
 _STREAM_LIMIT = wire.MAX_FRAME_BYTES + 1
+_SILENCE_S, _PROBE_S = 15, 5
+"""A client whose machine is gone must not count as somebody who is there."""
 _ROBOT_ABSENT = "The robot server does not answer. Start it with `robot-acp robot`, then try again."
 
 
@@ -56,6 +59,7 @@ async def _serve_tcp(house: House) -> None:
         try:
             plug = writer.get_extra_info("socket")
             plug.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            notice_loss(plug, _SILENCE_S, _PROBE_S)
             with contextlib.suppress(asyncio.CancelledError):  # our own end; asyncio would log it as an error
                 await _serve_client(house, reader, writer, local=_is_loopback(writer))
         finally:

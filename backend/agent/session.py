@@ -20,6 +20,12 @@ from backend.agent.offered_servers import OfferedServers
 from backend.agent.permissions import Approver, PermissionDesk, nobody_may_come
 from backend.agent.store import Event, SessionRow, as_json
 
+UNWINDING_S = 2.0
+"""A turn that was cancelled so long ago and does not halt yet has lost the cancel, and gets another one."""
+
+MAX_WAITING = 16
+"""Prompts of one session that may wait while a turn runs."""
+
 Spawn = Callable[[Coroutine[Any, Any, None]], "asyncio.Task[None]"]
 Update = dict[str, Any]
 
@@ -43,6 +49,10 @@ class Listener(Approver, Protocol):
 
     async def room(self) -> None:
         """Return when the connection can take more, so that a long replay does not pile up."""
+
+
+class QueueFull(Exception):
+    """Too many prompts wait in the session; the text tells what to do."""
 
 
 class _Held:
@@ -89,6 +99,9 @@ class Session:
         """Set when the session is being deleted; nothing begins in it any more."""
         self._one_turn = asyncio.Lock()
         self._turns: set[asyncio.Task[str]] = set()
+        self._halting: asyncio.Task[Any] | None = None
+        self._cancelled_at = 0.0
+        """When a turn was cancelled last."""
 
     @property
     def id(self) -> str:
@@ -136,8 +149,9 @@ class Session:
                 listener.deliver(event.frame)
 
     async def attach(self, listener: Listener, replay: Callable[[int], AsyncIterator[Event]] | None = None) -> None:
-        """Let a connection watch from now on. With `replay`, first send it the events up to this moment that
-        `replay(upto)` yields; what happens meanwhile follows without a gap, a double or a change of order."""
+        """Let a connection watch from now on, waiting for nothing. With `replay`, first send it the events up to this
+        moment that `replay(upto)` yields; what happens meanwhile follows without a gap, a double or a change of order.
+        """
         self._drop(listener)
         self.desk.detach(listener, returns=listener.may_approve)
         self._listeners.add(listener)
@@ -145,18 +159,20 @@ class Session:
             held = self._catching_up[listener] = _Held()
             try:
                 async for event in replay(self._shown):
-                    if listener not in self._listeners:
-                        return  # logged out meanwhile
+                    if self._catching_up.get(listener) is not held:
+                        return  # detached meanwhile, and perhaps attached anew
                     listener.deliver(event.frame)
                     await listener.room()
             except BaseException:
-                self.detach(listener)  # what follows half a replay would follow a gap
+                if self._catching_up.get(listener) is held:
+                    self.detach(listener)  # what follows half a replay would follow a gap
                 raise
-            self._catching_up.pop(listener, None)
+            if self._catching_up.get(listener) is not held:
+                return
+            del self._catching_up[listener]
             for frame in held.frames:
                 listener.deliver(frame)
-        if listener in self._listeners:
-            self.judge(listener)
+        self.judge(listener)
 
     def judge(self, listener: Listener) -> None:
         """Let a connection be asked, or no longer, after what it may do has changed."""
@@ -174,12 +190,14 @@ class Session:
         self._catching_up.pop(listener, None)
 
     async def run_turn(self, turn: Callable[[], Coroutine[Any, Any, str]]) -> str:
-        """Run a turn when those before it are over, and return its stop reason.
+        """Run a turn when those before it are over, and return its stop reason. Raises `QueueFull`.
 
         The turn is a task of its own: when the caller goes away, it runs on.
         """
         if self.ended:
             return "cancelled"
+        if len(self._turns) > MAX_WAITING:
+            raise QueueFull(f"{MAX_WAITING} prompts wait in this session already. Wait for one to end, or cancel.")
         task = asyncio.create_task(self._in_order(turn), name=f"turn of {self.id}")
         self._turns.add(task)
         task.add_done_callback(self._turns.discard)
@@ -197,16 +215,26 @@ class Session:
         except asyncio.CancelledError:
             return "cancelled"  # it still waited for its turn
 
+    def halting(self) -> None:
+        """The turn that calls this ends, and waits for the robot to rest: no cancel interrupts it any more."""
+        self._halting = asyncio.current_task()
+
     def cancel(self) -> None:
         """End the running turn, and those that wait."""
+        now = time.monotonic()
+        lost = now - self._cancelled_at > UNWINDING_S
         for task in self._turns:
-            if not task.cancelling():  # a second cancel would interrupt the halting of the robot
+            if task is self._halting:
+                continue
+            # What ends may have to tell the robot's server first, which a second cancel would interrupt.
+            if lost or not task.cancelling():
                 task.cancel()
+                self._cancelled_at = now
 
     async def close(self) -> None:
         """Cancel, wait until nothing of this session runs, and disconnect the servers that were brought into it.
         Being cancelled meanwhile reaches no turn."""
-        self.cancel()
         while self._turns:
-            await asyncio.wait(self._turns)
+            self.cancel()
+            await asyncio.wait(self._turns, timeout=UNWINDING_S)
         await self.offered.close()

@@ -16,7 +16,7 @@ from backend.agent.abilities import look
 from backend.agent.history import History
 from backend.agent.journal import Journal
 from backend.agent.session import Session
-from backend.agent.store import Event, SessionRow, Store
+from backend.agent.store import Event, SessionRow, Store, as_json
 from backend.agent.tool_server import ToolServer
 from backend.identity import Identity, Right
 
@@ -70,6 +70,8 @@ class Sessions:
             ended = event.seq if turn.get("state") == "ended" else ended
         past = [event for event in past if event.seq <= ended]
         if past:
+            ended += 1
+            past.append(Event(row.id, ended, now, as_json(present.forked(session.id))))
             await self._store.append(past)
         history = History()
         for event in past:
@@ -84,7 +86,7 @@ class Sessions:
         if session is None:  # a session in memory waits for no database: it may have to be cancelled
             async with self._opening:
                 session = self._open.get(session_id) or await self._load(session_id)
-        if session is None or session.ended or not self._visible(session.row, identity):
+        if session is None or not self.shows(session, identity):
             return None
         session.touched = time.monotonic()
         return session
@@ -93,7 +95,9 @@ class Sessions:
         """Let go of sessions that nobody uses; they are found again in the database."""
         long_ago = time.monotonic() - IDLE_S
         for session in self.open_sessions:
-            if not session.busy and not session.watching and session.touched < long_ago:
+            if session.busy or session.watching or self._journal.unkept(session.id):
+                continue
+            if session.touched < long_ago:
                 del self._open[session.id]
                 self._spawn(session.offered.close())
 
@@ -113,8 +117,14 @@ class Sessions:
 
     async def replay(self, session: Session, after: int, upto: int) -> AsyncIterator[Event]:
         """The events of a session that have been shown, with `after < seq <= upto`."""
+        # Those that wait to be kept, asked for first: what has been kept when they are read from the log is in both.
+        unkept = self._journal.unkept(session.id, after, upto)
         async for event in self._store.events(session.id, after, upto):
+            after = event.seq
             yield event
+        for event in unkept:
+            if event.seq > after:
+                yield event
 
     async def robot_pose(self) -> dict[str, Any] | None:
         """What the pose tool says now; None when the robot is not there or has no such tool."""
@@ -168,5 +178,7 @@ class Sessions:
         return task
 
     @staticmethod
-    def _visible(row: SessionRow, identity: Identity) -> bool:
-        return row.owner == identity.name or identity.role != "visitor" or identity.may(Right.TAKE_OVER)
+    def shows(session: Session, identity: Identity) -> bool:
+        """Whether this person may see the session."""
+        own = session.row.owner == identity.name
+        return not session.ended and (own or identity.role != "visitor" or identity.may(Right.TAKE_OVER))

@@ -14,7 +14,7 @@ import logging
 from collections.abc import AsyncIterator, Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, TypeVar
 
 import orjson
@@ -68,6 +68,8 @@ _T = TypeVar("_T")
 Changes = dict[str, dict[str, object]]
 """Session id -> column -> value."""
 _PAGE = 200
+_PAGE_BYTES = 4 * 1024 * 1024
+"""A page ends with the event that reaches this; one event can be a picture of 16 MiB."""
 
 
 @dataclass(frozen=True)
@@ -185,13 +187,24 @@ class Store:
 
     async def events(self, session_id: str, after: int = 0, upto: int | None = None) -> AsyncIterator[Event]:
         """The events with `after < seq <= upto`, in order; read page by page, so that nobody else's wait is long."""
-        query = sa.select(_events).where(_events.c.session_id == session_id).order_by(_events.c.seq).limit(_PAGE)
-        if upto is not None:
-            query = query.where(_events.c.seq <= upto)
-        while rows := await self._read(query.where(_events.c.seq > after)):
+        while rows := await self._run(partial(self._page, session_id, after, upto)):
             for row in rows:
                 yield Event(row.session_id, row.seq, row.time, row.update)
             after = rows[-1].seq
+
+    def _page(self, session_id: str, after: int, upto: int | None) -> Sequence[sa.Row[Any]]:
+        this = (_events.c.session_id == session_id) & (_events.c.seq > after)
+        if upto is not None:
+            this &= _events.c.seq <= upto
+        sizes = sa.select(_events.c.seq, sa.func.length(_events.c.update)).where(this).order_by(_events.c.seq)
+        with self._connected().connect() as connection:
+            last, size = after, 0
+            for seq, length in connection.execute(sizes.limit(_PAGE)):
+                last, size = seq, size + length
+                if size >= _PAGE_BYTES:
+                    break
+            page = sa.select(_events).where(this & (_events.c.seq <= last)).order_by(_events.c.seq)
+            return connection.execute(page).all()
 
     def _open(self) -> None:
         self._engine = engine_for(self._url, alone=self._writes, serialise=lambda value: as_json(value).decode())

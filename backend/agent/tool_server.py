@@ -29,6 +29,8 @@ from backend.agent.policy import ToolTraits
 log = logging.getLogger(__name__)
 
 CONNECT_TIMEOUT_S = 5.0
+PARTING_TIMEOUT_S = 5.0
+"""How long a server may take to be left; then its connection ends without anybody who waits."""
 MAX_RESULT_BYTES = 12 * 1024 * 1024
 """A spoken sentence comes back as sound: half a minute of it is over the SDK's limit of one MiB."""
 PREVIEW_ARGUMENT = "plan_only"
@@ -150,12 +152,12 @@ class ToolServer:
         try:
             async with sign_of_life.given(client, self._sign_asked_by(name)) as meta:
                 result = await client.call_tool(name, arguments, progress_callback=report, meta=meta)
-        except MCPError as error:
-            if await self._still_there(client):
-                return ToolResult(True, [{"type": "text", "text": error.message}], None)
+        except (MCPError, RuntimeError) as error:
+            if await self._still_there(client):  # cutting it off would end what it does for others, as a drive
+                return ToolResult(True, [{"type": "text", "text": _refusal(error)}], None)
             await self._forget(client)
             raise self._unavailable() from error
-        except (OSError, RuntimeError, anyio.ClosedResourceError, anyio.BrokenResourceError) as error:
+        except (OSError, anyio.ClosedResourceError, anyio.BrokenResourceError) as error:
             await self._forget(client)
             raise self._unavailable() from error
         content = [shown for block in result.content if (shown := _as_acp(block))]
@@ -238,13 +240,19 @@ class ToolServer:
         if owner is not None:
             self._lost.set()
             owner.cancel()
-            with contextlib.suppress(asyncio.CancelledError, Exception):
-                await owner
+            # Waiting so never raises how the owner ended, and always that the caller is cancelled.
+            await asyncio.wait([owner], timeout=PARTING_TIMEOUT_S)
 
     def _unavailable(self) -> ServerUnavailable:
         # The address can hold a password or a whole command line: it is for the log.
         log.warning("no MCP server at %s", self._url.rpartition("@")[2].split(" ")[0])
         return ServerUnavailable(self._absent)
+
+
+def _refusal(error: MCPError | RuntimeError) -> str:
+    """Why a call failed at a server that is there. The SDK has no class of its own for a result that does not fit the
+    tool's schema, and its words quote the result."""
+    return error.message if isinstance(error, MCPError) else "The tool's answer is not what it announced."
 
 
 async def _list(client: mcp.Client) -> list[Tool]:

@@ -20,7 +20,7 @@ from backend.agent.history import PLAN_TOOL, Message
 from backend.agent.lease import Claim, Lease
 from backend.agent.permissions import Verdict
 from backend.agent.policy import MODES, Decision, Policy
-from backend.agent.robot_link import RobotLink, RobotLinkError
+from backend.agent.robot_link import RobotLink
 from backend.agent.session import Listener, Session
 from backend.agent.store import Store
 from backend.agent.tool_server import PREVIEW_ARGUMENT, Progress, ServerUnavailable, Tool, ToolResult, ToolServer
@@ -65,6 +65,8 @@ class Turn:
     asker: Identity
     prompt: list[dict[str, Any]]
     origin: Listener | None
+    stopped: str | None = None
+    """What came of the stop, in words, where the prompt is `/stop`: it was made before the turn."""
     id: str = field(default_factory=lambda: uuid.uuid4().hex[:12])
     _open: list[str] = field(default_factory=list)
     _calls: int = 0
@@ -98,30 +100,31 @@ class Turn:
         for block in self.prompt:
             self.session.record(present.user_message(block, self.asker.name, self.id), self.origin)
         self._named = self._name_session()
-        reason = "end_turn"
+        reason, why, said = "end_turn", "cancelled", None
         try:
-            reason = await self._work()
+            return await self._work()
         except asyncio.CancelledError:
             reason = "cancelled"
-            self._close_calls("cancelled")
-            if self._acted:
-                await self.bench.link.at_rest()
-            if self._lost is not None:
-                self.session.record(present.message(f"{self._lost}, so I stopped here."))
         except (ServerUnavailable, model.ModelError) as error:
-            self._close_calls(str(error))
-            self.session.record(present.message(str(error)))
+            why = said = str(error)
         except Exception:
             # The text of an unknown error is for the log: it can hold anything.
             log.exception("turn %s failed", self.id)
-            self._close_calls("internal error")
-            self.session.record(present.message("Something went wrong inside the agent; its log says what. Try again."))
+            why, said = "internal error", "Something went wrong inside the agent; its log says what. Try again."
+        self.session.halting()
+        self._close_calls(why)
+        if said is not None:
+            self.session.record(present.message(said))
+        if self._acted:  # the next turn must not get a robot that still moves
+            await self.bench.link.at_rest()
+        if self._lost is not None:
+            self.session.record(present.message(f"{self._lost}, so I stopped here."))
         return reason
 
     async def _work(self) -> str:
         command = commands.named_in(self.prompt)
-        if command in ("stop", "export"):
-            self.session.record(present.message(await self._own_command(command)))
+        if own := await self._own_command(command):
+            self.session.record(present.message(own))
             return "end_turn"
         if command is not None:
             self._model = model.OFFLINE_MODEL
@@ -160,15 +163,11 @@ class Turn:
         self.session.record(present.message("I stopped here: this took more steps than I am allowed in one turn."))
         return "max_turn_requests"
 
-    async def _own_command(self, command: str) -> str:
-        """What the agent itself does for `/stop` and `/export`, in words."""
-        if command == "stop":
-            try:
-                await self.bench.link.stop(self.asker.name)
-            except RobotLinkError as error:
-                return str(error)
-            return "I am stopped. A supervisor has to release me."
-        return await export.hand_over(self.session, self.bench.store, self.origin)
+    async def _own_command(self, command: str | None) -> str | None:
+        """What came of `/stop` or `/export`, which are the agent's own, in words; None for anything else."""
+        if command == "export":
+            return await export.hand_over(self.session, self.bench.store, self.origin, self.bench.answer_timeout_s)
+        return self.stopped
 
     async def _think(self, system: str, wanted: bool) -> None:
         """The preliminary thought, and the session's name. That it fails is no reason not to go on."""
@@ -292,13 +291,14 @@ class Turn:
         return self.bench.policy.decide(row.mode, tool.traits, self.asker.role, row.motion_asks)
 
     async def _ask(self, call_id: str, tool: Tool, arguments: dict[str, Any]) -> Verdict:
+        four_eyes = tool.name in self.bench.four_eyes
         remembered = self.session.remembered.get(tool.name)
-        if remembered is not None:
+        if remembered is False or (remembered and not four_eyes):
             return Verdict(remembered, "remembered", "allow_always" if remembered else "reject_always")
         shown = present.tool_call(call_id, tool, arguments, "pending")
         del shown["sessionUpdate"]
         asker = self.asker.name
-        not_by = asker if tool.name in self.bench.four_eyes else None
+        not_by = asker if four_eyes else None
         desk = self.session.desk
         if desk.attended(not_by):
             # Those who are not asked, as the visitor who wants it, see why nothing happens.
@@ -350,11 +350,13 @@ class Turn:
         shown = present.tool_call(call_id, asking, {}, "in_progress")
         self.session.record(shown | {"rawInput": {"question": question, "options": options}})
         try:
-            answer = await elicitation.choose(self.session, self.origin, question, options, self.bench.answer_timeout_s)
+            answer, by = await elicitation.choose(
+                self.session, self.origin, question, options, self.bench.answer_timeout_s
+            )
         except elicitation.NoAnswerError as nobody:
             self._end(call_id, present.tool_status(call_id, "failed", str(nobody)))
         else:
-            result = ToolResult(False, [present.text_block(answer)], {"answer": answer})
+            result = ToolResult(False, [present.text_block(answer)], {"answer": answer, "by": by})
             self._end(call_id, present.tool_result(call_id, result))
         return True
 

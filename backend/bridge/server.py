@@ -12,9 +12,9 @@ from backend.bridge.app import create_app
 from backend.bridge.direct import DirectWebSocket
 from backend.config import ConfigError, Settings
 
-PING_SECONDS = 20.0
-PONG_SECONDS = 40.0
-"""Longer than a ping may wait behind a large message on a slow link."""
+PING_SECONDS = 5.0
+PONG_SECONDS = 15.0
+"""Longer than a ping may wait behind a large message on a slow link. Until then whoever is gone counts as there."""
 _END_SECONDS = 3
 
 log = logging.getLogger(__name__)

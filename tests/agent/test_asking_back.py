@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from backend.identity import Role
 from tests.agent.conftest import Opener
 from tests.agent.test_wire_rules import HELLO, dial
 from tests.processes import Client, Robot, eventually
@@ -110,3 +111,33 @@ async def test_the_command_line_lists_and_exports_sessions(robot: Robot, connect
     missing = await asyncio.to_thread(run, "export", "nonsense")
     assert missing.returncode == 1
     assert "There is no session nonsense" in missing.stderr
+
+
+async def test_somebody_who_only_watches_chooses_no_place(robot: Robot, connect: Opener) -> None:
+    client, viewer = await connect(), await connect(robot.token("Vic", Role.VIEWER), capabilities=FORMS)
+    await viewer.load(await client.new())
+    assert await client.prompt("go to a lab") == "end_turn"
+    assert "Which one do you mean: lab 2.3.1" in client.said
+    assert "elicitation/create" not in [message["method"] for message in viewer.heard]
+
+
+async def test_who_chose_is_in_the_log(robot: Robot, connect: Opener) -> None:
+    client, ben = await connect(), await connect(robot.token("Ben", Role.OPERATOR), capabilities=FORMS)
+    await ben.load(await client.new())
+    turn = client.later(client.prompt("go to a lab"))
+    await ben.link.respond((await form_of(ben))["id"], {"action": "accept", "content": {"answer": "lab 2.3.6"}})
+    assert await turn == "end_turn"
+    assert {"answer": "lab 2.3.6", "by": "Ben"} in [u.get("rawOutput") for u in client.of("tool_call_update")]
+    assert "I am at lab 2.3.6." in client.said
+
+
+async def test_the_choice_of_one_who_may_no_longer_approve_does_not_count(robot: Robot, connect: Opener) -> None:
+    client, ben = await connect(), await connect(robot.token("Ben", Role.OPERATOR), capabilities=FORMS)
+    await ben.load(await client.new())
+    turn = client.later(client.prompt("go to a lab"))
+    form = await form_of(ben)
+    lesser = {"methodId": "token", "_meta": {"robot-acp/token": robot.token("Ben", Role.VIEWER)}}
+    await ben.link.request("authenticate", lesser)
+    await ben.link.respond(form["id"], {"action": "accept", "content": {"answer": "lab 2.3.6"}})
+    assert await turn == "end_turn"
+    assert "Which one do you mean: lab 2.3.1" in client.said

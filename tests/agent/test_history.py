@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import pickle
 from typing import Any
 
 from backend.agent import present
 from backend.agent.history import MAX_CHARS, PHOTO_NOTE, History
+from backend.agent.permissions import Verdict
 from backend.agent.tool_server import Tool, ToolResult
 
 DRIVE = Tool("navigate_to_place", "Drive", {}, "Drive", "Drive to {place}", False)
@@ -133,3 +135,26 @@ def test_a_result_that_is_longer_than_all_the_past_is_cut() -> None:
         present.tool_result("t.1", ToolResult(False, [], {"text": "x" * 10_000_000})),
     )
     assert size(history) < MAX_CHARS
+
+
+def test_a_fork_has_the_refusals_and_not_the_permissions_of_its_past() -> None:
+    speak = Tool("speak", "Speak", {}, "Speak", None, False)
+    history = history_of(
+        present.tool_call("t.1", DRIVE, {}, "pending"),
+        present.tool_status("t.1", "in_progress", verdict=Verdict(True, "selected", "allow_always", "Ana")),
+        present.tool_call("t.2", speak, {}, "pending"),
+        present.tool_status("t.2", "failed", verdict=Verdict(False, "selected", "reject_always", "Ana")),
+    )
+    assert history.remembered == {"navigate_to_place": True, "speak": False}
+    history.apply(present.forked("s0"))
+    assert history.remembered == {"speak": False}
+
+
+def test_pictures_of_turns_that_no_model_is_given_any_more_are_not_kept() -> None:
+    history = History()
+    photo = {"type": "image", "data": "A" * 100_000, "mimeType": "image/png"}
+    for number in range(100):
+        history.apply(present.user_message({"type": "text", "text": "x" * 5000}, "Ana", str(number)))
+        history.apply(present.user_message(photo, "Ana", str(number)))
+    assert history.messages()[-1]["content"][1]["image_url"]["url"].endswith("AAAA")
+    assert len(pickle.dumps(history)) < 15 * len(photo["data"])

@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import orjson
@@ -15,8 +16,10 @@ from backend.agent import journal as journal_module
 from backend.agent.history import History
 from backend.agent.journal import Journal
 from backend.agent.session import Session
+from backend.agent.sessions import Sessions
 from backend.agent.store import Event, SessionRow, Store
-from tests.databases import Cluster, Database
+from backend.agent.tool_server import ToolServer
+from tests.databases import Cluster, Database, SQLite
 from tests.processes import eventually
 
 ROW = SessionRow("s1", "Ana", None, "/", "supervised", "offline/commands", None, 0.0, 0.0)
@@ -120,6 +123,32 @@ async def test_a_write_that_hangs_hides_nothing_and_is_kept_once_whenever_it_end
         # The write of "one" is still under way in the database, and it will be repeated.
         await work.recovered()
         assert await work.kept() == ["one", "two", "three"]
+
+
+async def test_a_replay_while_the_log_cannot_be_written_has_no_gap(tmp_path: Path) -> None:
+    database = SQLite(tmp_path / "sessions.db")
+    async with at_work(database) as work:
+        nowhere = ToolServer("http://127.0.0.1:1/mcp", absent="There is no robot.")
+        sessions = Sessions(work.store, work.journal, nowhere, "get_current_pose", 1.0)
+
+        async def replayed(after: int) -> list[int]:
+            seen: list[int] = []
+            replay = sessions.replay
+            await work.session.attach(Watcher(seen), lambda upto: replay(work.session, after, upto))
+            return seen
+
+        work.tell("before")
+        await work.session.flushed()
+        with database.away():
+            work.tell("one")
+            await eventually(lambda: work.journal.failure, "the failure")
+            work.tell("two")
+            assert await replayed(0) == [1, 2, 3]
+            await eventually(lambda: work.journal._keeping, "the next try")
+            assert await replayed(0) == [1, 2, 3], "what is being written is not forgotten"
+            assert await replayed(2) == [3]
+        await work.recovered()
+        assert await replayed(0) == [1, 2, 3]
 
 
 async def test_changes_that_could_not_be_written_are_none_lost(database: Database) -> None:

@@ -22,12 +22,14 @@ class Person:
     def __init__(self, name: str) -> None:
         self.name = name
         self.asked: asyncio.Future[Any] | None = None
+        self.offered: list[str] = []
         self.withdrawn = False
         self.may_approve = True
 
     async def request(self, method: str, params: dict[str, Any]) -> Any:
         assert method == "session/request_permission"
         assert params["toolCall"] == CALL
+        self.offered = [option["optionId"] for option in params["options"]]
         self.asked = asyncio.get_running_loop().create_future()
         try:
             return await self.asked
@@ -200,3 +202,13 @@ async def test_one_who_comes_later_gets_the_pending_question(ana: Person, ben: P
     assert ben.asked is not None
     ben.asked.set_result(chosen("allow_once"))
     assert (await question).by == "Ben"
+
+
+@pytest.mark.parametrize("option", ["allow_always", "reject_always"])
+async def test_what_needs_four_eyes_has_no_always(ana: Person, option: str) -> None:
+    question = asyncio.create_task(Desk(ana).desk.ask("s1", CALL, "speech", "Ben", not_by="Ben"))
+    await asked(ana)
+    assert ana.asked is not None
+    assert ana.offered == ["allow_once", "reject_once"]
+    ana.asked.set_result(chosen(option))
+    assert await question == Verdict(False, "nobody")

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import pytest
+
+from backend.agent.session import MAX_WAITING
+from backend.chat.link import RefusedError
 from tests.agent.conftest import Opener
 from tests.processes import Robot, eventually
 
@@ -39,3 +43,17 @@ async def test_a_cancel_ends_the_turn_and_those_that_wait_for_it(robot: Robot, c
         assert (await first, await second) == ("cancelled", "cancelled")
         assert watched.spoken == []
     assert len(ben.questions) == 1
+
+
+async def test_only_so_many_prompts_may_wait(connect: Opener) -> None:
+    client = await connect(answer=None)
+    await client.new()
+    first = client.later(client.prompt("say one"))
+    await eventually(lambda: client.questions, "the question of the first turn")
+    waiting = [client.later(client.prompt("say two")) for _ in range(MAX_WAITING)]
+    await client.link.request("session/list", {})  # once this has come back, they are with the session
+    with pytest.raises(RefusedError, match=f"{MAX_WAITING} prompts wait in this session"):
+        await client.prompt("say three")
+    await client.cancel()
+    assert {await turn for turn in (first, *waiting)} == {"cancelled"}
+    assert await client.prompt("where are you?") == "end_turn"

@@ -131,6 +131,23 @@ async def test_events_come_in_order_between_two_numbers_whatever_the_pages(store
     assert await numbers(store, "s2") == [1]
 
 
+async def test_a_page_of_large_events_is_a_short_one(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(store_module, "_PAGE_BYTES", 10_000)
+    read, pages = store._page, []
+
+    def counted(*arguments: Any) -> Any:
+        pages.append(read(*arguments))
+        return pages[-1]
+
+    monkeypatch.setattr(store, "_page", counted)
+    await store.add_session(ROW)
+    sizes = [1, 4000, 50_000, 1, 50_000, *[1] * 2 * store_module._PAGE]
+    await store.append([event(seq, "x" * size) for seq, size in enumerate(sizes, 1)])
+    assert await numbers(store) == list(range(1, len(sizes) + 1))
+    assert [len(page) for page in pages][:2] == [3, 2]
+    assert all(sum(len(row.update) for row in page[:-1]) < 10_000 for page in pages)
+
+
 async def test_deleting_a_session_removes_its_events_and_no_others(store: Store, database: Database) -> None:
     for session in ("s1", "s2"):
         await store.add_session(replace(ROW, id=session))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from pathlib import Path
 
 import orjson
 import pytest
@@ -11,6 +12,7 @@ from backend.chat.link import RefusedError
 from backend.identity import Role
 from tests.agent.conftest import Opener
 from tests.agent.test_wire_rules import HELLO, dial
+from tests.databases import Database
 from tests.processes import Client, Robot, eventually
 
 
@@ -209,22 +211,6 @@ async def test_the_stop_command_waits_for_no_turn_that_runs(robot: Robot, connec
     assert "Stopped by local" in client.said
 
 
-async def test_export_hands_the_log_to_a_client_that_takes_files(connect: Opener) -> None:
-    written: list[dict[str, object]] = []
-    client = await connect(capabilities={"fs": {"writeTextFile": True}})
-    await client.new()
-    await client.prompt("where are you?")
-    seen = len(client.updates)
-    export = client.later(client.prompt("/export"))
-    await eventually(lambda: "fs/write_text_file" in str(client.heard), "the file")
-    request = next(m for m in client.heard if m["method"] == "fs/write_text_file")
-    written = [orjson.loads(line) for line in request["params"]["content"].splitlines()]
-    await client.link.respond(request["id"], {})
-    assert await export == "end_turn"
-    assert [line["update"] for line in written][1 : seen + 1] == client.updates[:seen]
-    assert f"robot-acp-{client.session}.jsonl" in client.said
-
-
 async def test_motion_asks_where_the_session_wants_it(connect: Opener) -> None:
     client = await connect(answer="reject_once")
     await client.new()
@@ -238,3 +224,54 @@ async def test_motion_asks_where_the_session_wants_it(connect: Opener) -> None:
     await client.link.request("session/set_config_option", off)
     await client.prompt("where are you?")
     assert len(client.of("agent_thought_chunk")) == thoughts
+
+
+async def test_anyone_who_sees_a_session_may_stop_in_it(robot: Robot, connect: Opener) -> None:
+    client, viewer = await connect(), await connect(robot.token("Vic", Role.VIEWER))
+    await viewer.load(await client.new())
+    async with robot.watched() as watched:
+        turn = await driving(client)
+        await watched.until(lambda: watched.speed > 0.3, "the robot to drive")
+        stop = viewer.later(viewer.prompt("/stop"))
+        await watched.until(lambda: watched.speed == 0 and watched.state.stop is not None, "the stop", 2)
+        assert (await turn, await stop) == ("end_turn", "end_turn")
+        assert watched.state.stop is not None
+        assert watched.state.stop.by == "Vic"
+        await client.link.request("_robot/release", {})
+    assert "I am stopped." in viewer.said
+    with pytest.raises(RefusedError, match="may not prompt"):
+        await viewer.prompt("go to the kitchen")
+
+
+async def test_a_stop_that_was_released_is_not_made_again_when_its_turn_comes(robot: Robot, connect: Opener) -> None:
+    client = await connect(answer=None)
+    await client.new()
+    async with robot.watched() as watched:
+        first = client.later(client.prompt("say hello"))
+        await eventually(lambda: client.questions, "the question")
+        stop = client.later(client.prompt("/stop"))
+        await watched.until(lambda: watched.state.stop is not None, "the stop")
+        await client.link.request("_robot/release", {})
+        await watched.until(lambda: watched.state.stop is None, "the release")
+        seen = len(watched.states)
+        await client.decide("allow_once")
+        assert (await first, await stop) == ("end_turn", "end_turn")
+        ended = len(watched.states)
+        await watched.until(lambda: len(watched.states) > ended + 3, "news of the robot")
+        assert all(state.stop is None for _, state in watched.states[seen:])
+
+
+async def test_a_log_that_cannot_be_written_is_in_no_stops_way(tmp_path: Path, database: Database) -> None:
+    robot = Robot(tmp_path, {"ROBOT_ACP_AGENT__DATABASE": database.url})
+    with robot.running("robot", port=robot.robot_port), robot.running("agent", port=robot.agent_port):
+        client = await Client.open(f"tcp://127.0.0.1:{robot.agent_port}")
+        await client.new()
+        await client.prompt("where are you?")
+        database.execute("ALTER TABLE events RENAME TO lost")
+        await client.prompt("where are you?")
+        with pytest.raises(RefusedError, match="log cannot be written"):
+            await client.prompt("where are you?")
+        async with robot.watched() as watched:
+            assert await client.prompt("/stop") == "end_turn"
+            await watched.until(lambda: watched.state.stop is not None, "the stop")
+        await client.close()

@@ -266,6 +266,7 @@ WRONG_PARAMS: dict[str, tuple[str, Any]] = {
     "a fork of nothing": ("session/fork", _CWD | {"sessionId": "nonsense"}),
     "a delete of nothing": ("session/delete", {"sessionId": "nonsense"}),
     "a prompt to nothing": ("session/prompt", {"sessionId": "nonsense", "prompt": [_TEXT]}),
+    "a prompt of nothing": ("session/prompt", _IN | {"prompt": []}),
     "a prompt that is a string": ("session/prompt", _IN | {"prompt": "where are you?"}),
     "a prompt of strings": ("session/prompt", _IN | {"prompt": ["where are you?"]}),
     "a prompt of nulls": ("session/prompt", _IN | {"prompt": [None]}),
@@ -401,7 +402,6 @@ def frames() -> list[Hostile]:
         Hostile("params that are null", request("session/list", None), RESULT),
         Hostile("members that nobody knows", message(id=ID, method="session/list", params={"x": 1}, y=[]), RESULT),
         Hostile("a cursor of nonsense", request("session/list", {"cursor": "%%%"}), RESULT),
-        Hostile("a prompt of nothing", request("session/prompt", _IN | {"prompt": []}), RESULT),
         Hostile("take over from nobody", request("_robot/take_over", {"sessionId": [5]}), RESULT),
         Hostile("release with rubbish", request("_robot/release", {"by": "root", "self": 1}), RESULT),
     ]  # fmt: skip

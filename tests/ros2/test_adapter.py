@@ -100,6 +100,7 @@ def qos_of_sensors() -> Any:
 
 async def test_cancelling_the_call_reaches_nav2(real_time: Setting) -> None:
     from action_msgs.msg import GoalStatus, GoalStatusArray
+    from rclpy.qos import qos_profile_action_status_default
 
     seen: list[int] = []
     async with node(real_time.domain) as link:
@@ -107,7 +108,7 @@ async def test_cancelling_the_call_reaches_nav2(real_time: Setting) -> None:
             GoalStatusArray,
             "navigate_to_pose/_action/status",
             lambda message: seen.extend(each.status for each in message.status_list),
-            10,
+            qos_profile_action_status_default,  # latched: what was told before this node was discovered comes, too
         )
         link.open()
         async with real_time.served() as robot, robot.mcp() as client, robot.telemetry("state") as reader:

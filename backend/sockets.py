@@ -1,0 +1,23 @@
+"""What the servers ask of TCP. Nothing here sends or reads, and nothing here fails for what a system does not have."""
+
+from __future__ import annotations
+
+import socket
+
+
+def notice_loss(plug: socket.socket, seconds: float, every: int = 1) -> None:
+    """Let the kernel break a connection whose other machine is gone, after about so many seconds.
+
+    Connections that a listener accepts inherit this. Without it a pulled cable is noticed after a quarter of an hour,
+    or never. A silent peer is probed `every` so many seconds.
+    """
+    plug.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for name, value in (
+        ("TCP_KEEPIDLE", every),
+        ("TCP_KEEPINTVL", every),
+        ("TCP_KEEPCNT", max(1, round(seconds / every) - 1)),
+        ("TCP_USER_TIMEOUT", round(1000 * seconds)),
+    ):
+        option = getattr(socket, name, None)  # not every system has all of them
+        if option is not None:
+            plug.setsockopt(socket.IPPROTO_TCP, option, value)

@@ -1,0 +1,270 @@
+"""A cancel reaches its turn whatever the turn is waiting for, and a turn that ends leaves a robot at rest."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any, cast
+
+import anyio
+import mcp
+import mcp_types as types
+import pytest
+from mcp.server.lowlevel import Server
+
+from backend.agent import model, tool_server
+from backend.agent import session as agent_session
+from backend.agent.history import History
+from backend.agent.journal import Journal
+from backend.agent.lease import Lease
+from backend.agent.policy import Policy
+from backend.agent.robot_link import RobotLink
+from backend.agent.session import Session
+from backend.agent.store import SessionRow, Store
+from backend.agent.tool_server import ProgressCallback, ServerUnavailable, Tool, ToolResult, ToolServer
+from backend.agent.turn import Turn, Workbench
+from backend.identity import Identity, Role
+from backend.telemetry import Battery, Pose, State, Twist
+from tests.processes import eventually
+
+ROW = SessionRow("s1", "Ana", None, "/", "supervised", model.OFFLINE_MODEL, None, 0.0, 0.0, thought=False)
+ANA = Identity("Ana", Role.SUPERVISOR)
+SOON_S = 3.0
+
+
+@pytest.fixture
+async def session(tmp_path: Path) -> AsyncIterator[Session]:
+    store = Store(f"sqlite:///{tmp_path / 'sessions.db'}")
+    await store.open()
+    await store.add_session(ROW)
+    journal = Journal(store)
+    keeping = asyncio.create_task(journal.run())
+    yield Session(ROW, journal, History(), 0, 1.0, asyncio.create_task)  # type: ignore[arg-type]
+    await journal.flush()
+    keeping.cancel()
+    await asyncio.gather(keeping, return_exceptions=True)
+    await store.close()
+
+
+class _Broken:
+    """A client whose connection has gone."""
+
+    async def call_tool(self, *_: Any, **__: Any) -> None:
+        raise anyio.ClosedResourceError
+
+
+class Clinging(ToolServer):
+    """The connection to a server that broke and does not end, because the server does not take leave."""
+
+    def __init__(self) -> None:
+        super().__init__("http://127.0.0.1:1/mcp", absent="The lab does not answer.")
+        self.asked_to_go = asyncio.Event()
+        self.let_go = asyncio.Event()
+
+    async def _own(self, ready: asyncio.Future[mcp.Client], lost: asyncio.Event) -> None:
+        ready.set_result(cast(mcp.Client, _Broken()))
+        with contextlib.suppress(asyncio.CancelledError):
+            await lost.wait()
+        self.asked_to_go.set()
+        while not self.let_go.is_set():
+            with contextlib.suppress(asyncio.CancelledError):
+                await self.let_go.wait()
+
+
+async def test_a_turn_that_takes_leave_of_a_broken_server_is_cancelled_all_the_same(session: Session) -> None:
+    server = Clinging()
+    went_on = False
+
+    async def work() -> str:
+        nonlocal went_on
+        with contextlib.suppress(ServerUnavailable):
+            await server.call("grow_crystals", {})
+        went_on = True
+        return "end_turn"
+
+    turn = asyncio.create_task(session.run_turn(work))
+    await eventually(server.asked_to_go.is_set, "the connection to be left")
+    session.cancel()
+    done, _ = await asyncio.wait([turn], timeout=SOON_S)
+    server.let_go.set()
+    assert done, "the turn cannot be cancelled"
+    assert await turn == "cancelled"
+    assert not went_on
+
+
+async def test_a_server_that_does_not_take_leave_makes_nobody_wait_for_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tool_server, "PARTING_TIMEOUT_S", 0.05)
+    server = Clinging()
+    async with asyncio.timeout(SOON_S):
+        with pytest.raises(ServerUnavailable):
+            await server.call("grow_crystals", {})
+    server.let_go.set()
+
+
+async def test_a_cancel_that_something_swallowed_can_be_repeated(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(agent_session, "UNWINDING_S", 0.05)
+    swallowed = asyncio.Event()
+
+    async def work() -> str:
+        with contextlib.suppress(asyncio.CancelledError):
+            await asyncio.Event().wait()
+        swallowed.set()
+        await asyncio.Event().wait()  # as a robot that drives on
+        return "end_turn"
+
+    def again() -> bool:
+        session.cancel()
+        return turn.done()
+
+    turn = asyncio.create_task(session.run_turn(work))
+    await eventually(lambda: session.busy, "the turn")
+    await asyncio.sleep(0)
+    session.cancel()
+    await eventually(swallowed.is_set, "the cancel to be lost")
+    await eventually(again, "the turn to end", SOON_S)
+    assert await turn == "cancelled"
+
+
+async def test_closing_a_session_ends_a_turn_that_lost_its_cancel(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(agent_session, "UNWINDING_S", 0.05)
+
+    async def work() -> str:
+        with contextlib.suppress(asyncio.CancelledError):
+            await asyncio.Event().wait()
+        await asyncio.Event().wait()
+        return "end_turn"
+
+    turn = asyncio.create_task(session.run_turn(work))
+    await eventually(lambda: session.busy, "the turn")
+    async with asyncio.timeout(SOON_S):
+        await session.close()
+    assert await turn == "cancelled"
+
+
+async def test_no_second_cancel_interrupts_a_turn_that_halts(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(agent_session, "UNWINDING_S", -1.0)
+    halting, at_rest = asyncio.Event(), asyncio.Event()
+
+    async def work() -> str:
+        try:
+            await asyncio.Event().wait()
+        except asyncio.CancelledError:
+            session.halting()
+            halting.set()
+            await at_rest.wait()
+        return "halted"
+
+    turn = asyncio.create_task(session.run_turn(work))
+    await eventually(lambda: session.busy, "the turn")
+    await asyncio.sleep(0)
+    session.cancel()
+    await eventually(halting.is_set, "the halt")
+    session.cancel()
+    at_rest.set()
+    assert await turn == "halted"
+
+
+class Robot(ToolServer):
+    """A robot that is lost in the middle of its first motion."""
+
+    async def tools(self) -> dict[str, Tool]:
+        return {"rotate_in_place": Tool("rotate_in_place", "Turn.", {}, "Turn", None, False)}
+
+    async def call(
+        self, name: str, arguments: dict[str, Any], on_progress: ProgressCallback | None = None
+    ) -> ToolResult:
+        raise ServerUnavailable("The robot does not answer.")
+
+
+async def turning(*_: Any) -> AsyncIterator[model.Part]:
+    yield model.Call("rotate_in_place", {"degrees": 90})
+
+
+def at(speed: float) -> State:
+    pose, battery = Pose(0.0, 0.0, 0.0), Battery(1.0, False)
+    return State(0.0, "Sancho", pose, Twist(0.0, speed), battery, None, None, None)
+
+
+async def test_the_robot_is_given_on_at_rest_when_a_turn_fails_in_mid_motion(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def at_once() -> None:
+        pass
+
+    monkeypatch.setattr(model, "ready", at_once)
+    link, lease, tools = RobotLink(None, None), Lease(), Robot("http://127.0.0.1:1/mcp", absent="")
+    await link._set(at(0.5))
+    bench = Workbench("Sancho", tools, Policy(), link, session._journal._store, lease, 1.0, 5, 1.0, infer=turning)
+    turn = asyncio.create_task(
+        session.run_turn(Turn(bench, session, ANA, [{"type": "text", "text": "turn"}], None).run)
+    )
+    told = "The robot does not answer."
+    await eventually(lambda: told in str(session.history.messages()) or turn.done(), "the failure to be told")
+    await link._set(at(0.5))
+    session.cancel()  # interrupts nothing
+    await link._set(at(0.4))
+    assert lease.holder is not None, "the next one gets a robot that moves"
+    assert not turn.done()
+
+    async def rests() -> None:
+        while not turn.done():
+            await link._set(at(0.0))
+            await asyncio.sleep(0)
+
+    async with asyncio.timeout(SOON_S):
+        await rests()
+    assert await turn == "end_turn"
+    assert lease.holder is None
+
+
+class InMemory(ToolServer):
+    """The connection to a server of the SDK in this process."""
+
+    def __init__(self, server: Server[Any]) -> None:
+        super().__init__("http://127.0.0.1:1/mcp", absent="The robot does not answer.")
+        self._server = server
+
+    @contextlib.asynccontextmanager
+    async def _transport(self) -> AsyncIterator[Any]:
+        yield self._server
+
+
+def careless(driving: asyncio.Event, arrived: asyncio.Event) -> Server[Any]:
+    """A robot that drives, and whose other tool announces a number and returns none."""
+    number = {"type": "object", "properties": {"volts": {"type": "number"}}, "required": ["volts"]}
+    tools = [
+        types.Tool(name="drive", input_schema={"type": "object"}),
+        types.Tool(name="get_battery", input_schema={"type": "object"}, output_schema=number),
+    ]
+
+    async def list_tools(*_: Any) -> types.ListToolsResult:
+        return types.ListToolsResult(tools=tools)
+
+    async def call_tool(_: Any, params: types.CallToolRequestParams) -> types.CallToolResult:
+        if params.name == "drive":
+            driving.set()
+            await arrived.wait()
+            return types.CallToolResult(content=[types.TextContent(type="text", text="arrived")])
+        content = types.TextContent(type="text", text="hunter2")
+        return types.CallToolResult(content=[content], structured_content={"volts": "hunter2"})
+
+    return Server("careless", on_list_tools=list_tools, on_call_tool=call_tool)
+
+
+async def test_a_tool_that_answers_otherwise_than_announced_ends_nobody_elses_motion() -> None:
+    driving, arrived = asyncio.Event(), asyncio.Event()
+    robot = InMemory(careless(driving, arrived))
+    drive = asyncio.create_task(robot.call("drive", {}))
+    await eventually(driving.is_set, "the drive")
+    battery = await robot.call("get_battery", {})
+    assert battery.failed
+    assert battery.text == "The tool's answer is not what it announced."
+    arrived.set()
+    assert (await drive).text == "arrived"
+    await robot.close()
