@@ -100,7 +100,9 @@ async def test_session_fork(client: RecordedClient) -> None:
     assert answer["sessionId"] != original
     client.session = answer["sessionId"]
     await client.open_again("session/load")
-    assert [event for event in client.events if event[0] is not None][1:] == [e for e in past if e[0] is not None]
+    _prompt, *copied, (_, forked) = [event for event in client.events if event[0] is not None]
+    assert copied == [event for event in past if event[0] is not None]
+    assert forked["_meta"]["robot-acp/forked"] == {"from": original}
 
 
 @shows("session/close")
