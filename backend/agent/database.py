@@ -15,6 +15,7 @@ from typing import Any
 
 import sqlalchemy as sa
 
+LOCK_LOOK_S = 0.05
 LOCK_PATIENCE_S = 5.0
 """How long a new agent waits for the lock: the server may not have noticed yet that the one before it died."""
 POSTGRES_LOCK = int.from_bytes(b"robotacp")
@@ -126,7 +127,7 @@ def _take(lock: Callable[[], bool]) -> None:
     while not lock():
         if time.monotonic() > deadline:
             raise StoreError(TAKEN)
-        time.sleep(0.05)
+        time.sleep(LOCK_LOOK_S)  # on the thread of the store, which nobody else waits for yet
 
 
 def _lock_postgres(connection: Any) -> bool:

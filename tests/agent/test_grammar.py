@@ -2,6 +2,7 @@
 
 import pytest
 
+from backend.agent.offline import report
 from backend.agent.offline.grammar import (
     GoBack,
     GoTo,
@@ -67,3 +68,7 @@ def test_understands(text: str, actions: list[object]) -> None:
 )
 def test_does_nothing_about_what_it_does_not_understand_in_whole(text: str) -> None:
     assert parse(text) == []
+
+
+def test_what_was_left_out_ends_with_one_full_stop() -> None:
+    assert report.left_out([GoTo("the kitchen"), Say("Lunch is ready.")])[0].endswith("Say: Lunch is ready.")

@@ -104,7 +104,7 @@ def left_out(actions: list[Action]) -> list[str]:
     """What was not done because an earlier step failed."""
     if not actions:
         return []
-    return ["So I left out the rest: " + "; ".join(plan_entry(a) for a in actions) + "."]
+    return ["So I left out the rest: " + "; ".join(plan_entry(a).rstrip(".") for a in actions) + "."]
 
 
 def outcome(action: Action, result: str, failed: bool) -> str:
