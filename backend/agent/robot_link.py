@@ -106,7 +106,7 @@ class RobotLink:
             raise RobotLinkError("This robot server has no stop path. Use the robot's own stop.")
         try:
             async with httpx.AsyncClient(headers=self._headers, timeout=3.0, trust_env=False) as client:
-                response = await client.post(self._base + path, json={"by": by})
+                response = await client.post(self._base + path, params={"by": by})
                 response.raise_for_status()
                 return dict(response.json())
         except (httpx.HTTPError, ValueError) as error:

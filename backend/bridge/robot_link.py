@@ -56,7 +56,7 @@ class RobotLink:
         for last in (False, True):  # a kept connection may have died with an earlier robot server
             try:
                 async with asyncio.timeout(_SECONDS):
-                    answer = await self._client.post(path, json={"by": by})
+                    answer = await self._client.post(path, params={"by": by})
                     answer.raise_for_status()
                     body = answer.json()
             except (httpx.HTTPStatusError, ValueError) as error:

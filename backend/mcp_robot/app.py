@@ -1,21 +1,18 @@
 """The robot server's HTTP: MCP, telemetry, stop and health, behind one access check.
 
 Routes only; what they do is elsewhere. Stop must work whatever the request looks like: a stop is never refused for its
-form.
+form, and never waits for its body. Who pressed it stands in the address, so that the name comes with the request.
 """
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 from collections.abc import AsyncIterator
-from typing import Any
 
-import orjson
 from mcp.server.transport_security import TransportSecuritySettings
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
-from starlette.requests import ClientDisconnect, Request
+from starlette.requests import Request
 from starlette.responses import JSONResponse
 from starlette.routing import Route, WebSocketRoute
 
@@ -26,11 +23,6 @@ from backend.mcp_robot.stop import name_of
 from backend.mcp_robot.telemetry_stream import TelemetryStream
 from backend.mcp_robot.tools import RobotServer
 
-BODY_TIME = 1.0
-"""Seconds that the name of whoever pressed stop may take to arrive."""
-MAX_BODY = 4096
-"""Bytes in which it fits."""
-
 
 def create_app(pilot: Pilot, tools: RobotServer, token: bytes, host: str) -> Starlette:
     """The ASGI application of one robot."""
@@ -40,15 +32,12 @@ def create_app(pilot: Pilot, tools: RobotServer, token: bytes, host: str) -> Sta
         return JSONResponse({"status": "ok", "robot": pilot.robot.name, "version": __version__})
 
     async def stop(request: Request) -> JSONResponse:
-        first = pilot.stopped is None
-        latched = pilot.stop(name_of(None))  # before the body, which may be slow to come, or no good
-        if (by := await _said_by(request)) is not None and first:
-            latched = pilot.name_stop(latched, name_of(by))
+        latched = pilot.stop(name_of(request.query_params.get("by")))
         return JSONResponse({"stopped": {"by": latched.by, "at": latched.at}})
 
     async def release(request: Request) -> JSONResponse:
         try:
-            pilot.release(name_of(await _said_by(request)))
+            pilot.release(name_of(request.query_params.get("by")))
         except OSError:
             sentence = "The stop cannot be released: its file in the data folder cannot be removed."
             return JSONResponse({"error": sentence}, 500)
@@ -74,17 +63,3 @@ def create_app(pilot: Pilot, tools: RobotServer, token: bytes, host: str) -> Sta
         middleware=[Middleware(Access, token=token, host=host)],
         lifespan=lifespan,
     )
-
-
-async def _said_by(request: Request) -> Any:
-    """The `by` of a JSON body, None when there is none, or none comes in time."""
-    body = b""
-    with contextlib.suppress(TimeoutError, ClientDisconnect, orjson.JSONDecodeError):
-        async with asyncio.timeout(BODY_TIME):
-            async for piece in request.stream():
-                body += piece
-                if len(body) > MAX_BODY:
-                    return None
-        said = orjson.loads(body)
-        return said.get("by") if isinstance(said, dict) else None
-    return None

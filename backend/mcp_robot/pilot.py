@@ -172,10 +172,6 @@ class Pilot:
         logger.warning("Stop by %s (latched by %s).", by, stop.by)
         return stop
 
-    def name_stop(self, stop: Stop, by: str) -> Stop:
-        """Say who pressed a stop whose name came after it; returns the stop that is latched."""
-        return self._latch.rename(stop, by)
-
     @staticmethod
     def _do_for_sure(act: Callable[[], None]) -> None:
         # A robot that fails to take one command must still get the next one, and the latch must still be set.

@@ -43,13 +43,6 @@ class StopLatch:
             self._write(self.stop)
         return self.stop
 
-    def rename(self, stop: Stop, by: str) -> Stop:
-        """Say who set it, if it is still this one; returns what it is set to."""
-        if self.stop is stop:
-            self.stop = Stop(by, stop.at)
-            self._write(self.stop)
-        return self.stop or Stop(by, stop.at)
-
     def release(self) -> None:
         """Release it. Raises `OSError`, and stays set, when the file cannot be removed: a restart would find it."""
         self._file.unlink(missing_ok=True)
@@ -69,7 +62,7 @@ class StopLatch:
             logger.error("The stop could not be written down, a restart would forget it: %s", error)
 
 
-def name_of(by: object) -> str:
+def name_of(by: str | None) -> str:
     """Who pressed, as one clean line; a stop without a usable name is still a stop."""
-    name = " ".join(by.split())[:MAX_NAME] if isinstance(by, str) else ""
+    name = " ".join(by.split())[:MAX_NAME] if by else ""
     return "".join(c for c in name if c.isprintable()) or "someone"

@@ -40,7 +40,7 @@ async def test_tools_work_over_stdio_while_stop_works_over_http(tmp_path: Path) 
         assert not result.is_error
         token = identity.shared_secret(tmp_path, identity.ROBOT_TOKEN).decode()
         async with httpx.AsyncClient(headers={"Authorization": f"Bearer {token}"}) as http:
-            await http.post(f"http://127.0.0.1:{port}/stop", json={"by": "Ana"})
+            await http.post(f"http://127.0.0.1:{port}/stop", params={"by": "Ana"})
         refused = await client.call_tool("rotate_in_place", {"degrees": 30})
         assert refused.is_error
 

@@ -60,7 +60,7 @@ async def test_a_stop_ends_other_clients_goals_and_holds_against_new_ones(real_t
         others = Others(link)
         await others.drive(LAB)
         await reader.state(lambda s: s.twist.linear > 0.4)
-        await http.post("/stop", json={"by": "Ana"})
+        await http.post("/stop", params={"by": "Ana"})
         await eventually(lambda: others.ends, "the end of the other client's goal")
         assert others.ends == [GoalStatus.STATUS_CANCELED]
         halted = await reader.state(lambda s: s.twist.linear == 0)
@@ -69,7 +69,7 @@ async def test_a_stop_ends_other_clients_goals_and_holds_against_new_ones(real_t
             await eventually(lambda wanted=number: len(others.ends) == wanted, "the end of a goal sent while stopped")
         state = await reader.state(lambda s: s.twist.linear == 0)
         assert math.hypot(state.pose.x - halted.pose.x, state.pose.y - halted.pose.y) < 0.1
-        await http.post("/release", json={"by": "Ana"})
+        await http.post("/release", params={"by": "Ana"})
         await others.drive(LAB)
         await reader.state(lambda s: s.twist.linear > 0.2)
 
