@@ -1,12 +1,14 @@
-"""How long the robot needs to stand still: after a cancel, after a stop, and after its client was killed.
+"""How long the robot needs to stand still: after a cancel, after a stop, and after its agent was killed.
 
-    python bench/stopping.py [--robot simulator] [--repetitions 200] [--kills 10]
+    python bench/stopping.py [--robot simulator|ros2] [--repetitions 200] [--kills 10]
 
-A robot server in its own process, at the wall's own pace. Each repetition drives; once the robot moves, the tool call
+A robot server in its own process, at the wall's own pace; for ROS 2 with the stand-in, which is the simulator behind
+real nodes, in another. Each repetition drives; once the robot moves, the tool call
 is cancelled, or stop is pressed. Time is that of the robot server, in its own telemetry at 50 states a second: from the
 last state that knows nothing of the cancel or the stop to the first with zero velocity, so that each figure is up to 20
-ms too long. The bound is two control periods and the braking time of the speed at that moment. Last, a client process
-is killed with SIGKILL, and others stopped with SIGSTOP, in mid-motion: the wall's time until the robot stands still.
+ms too long. The bound is two control periods and the braking time of the speed at that moment. Last, an agent that
+drives for a prompt is killed with SIGKILL, and others stopped with SIGSTOP, in mid-motion: the wall's time until the
+robot stands still.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ import contextlib
 import os
 import signal
 import statistics
+import subprocess
 import sys
 import tempfile
 import time
@@ -31,25 +34,16 @@ from backend.agent.tool_server import ToolServer
 from backend.mcp_robot.guard import PERIOD
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from tests.processes import Robot, Watched, eventually
+from tests.processes import Client, Robot, Watched, end, eventually
 
 DRIVING = 0.55
 """m/s: it drives when it is this fast."""
 ENDS = {"lab 2.3.9": (20.8, 4.0), "dock": (0.9, 3.1)}
 TURN_BACK = 4.0
 """It drives from one to the other, and turns back so many m before: it never arrives, and seldom has to turn."""
+DOMAIN = {"ROBOT_ACP_ROBOT__ROS2__DOMAIN_ID": "97", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
 SETTINGS = {"ROBOT_ACP_ROBOT__LIMITS__MAX_MOTIONS_PER_MINUTE": "6000", "ROBOT_ACP_LOG_LEVEL": "error"}
 """The rate limit is for people and models, not for two hundred halts in a row."""
-CLIENT = """
-import asyncio, sys
-from backend.agent.tool_server import ToolServer
-
-async def main(url, token, place):
-    tools = ToolServer(url, {"Authorization": token}, absent="gone")
-    await tools.call("navigate_to_place", {"place": place})
-
-asyncio.run(main(*sys.argv[1:]))
-"""
 
 
 @dataclass(frozen=True)
@@ -87,26 +81,28 @@ class Bench:
         async with self._driving():
 
             async def stop() -> None:
-                await self.http.post("/stop", json={"by": "bench"})
+                await self.http.post("/stop", params={"by": "bench"})
 
             halt = await self._timed(stop, lambda state: state.stop is not None)
-        await self.http.post("/release", json={"by": "bench"})
+        await self.http.post("/release", params={"by": "bench"})
         return halt
 
     async def lost(self, number: signal.Signals) -> float:
-        """Let another process drive, and send it a signal; the wall's seconds until the robot stands still."""
-        url, token = f"http://127.0.0.1:{self.robot.robot_port}/mcp", self.robot.robot_headers["Authorization"]
-        process = await asyncio.create_subprocess_exec(sys.executable, "-c", CLIENT, url, token, self._far())
-        try:
-            await self._drives()
-            begin = time.monotonic()
-            process.send_signal(number)
-            await eventually(lambda: self.watched.state.motion is None and self._rests(), "rest")
-            return time.monotonic() - begin
-        finally:
-            with contextlib.suppress(ProcessLookupError):
-                process.kill()
-            await process.wait()
+        """Let an agent drive, and send it a signal; the wall's seconds until the robot stands still."""
+        with self.robot.running("agent", port=self.robot.agent_port) as agent:
+            client = await Client.open(f"tcp://127.0.0.1:{self.robot.agent_port}")
+            await client.new()
+            prompt = client.later(client.prompt(f"go to the {self._far()}"))
+            try:
+                await self._drives()
+                begin = time.monotonic()
+                agent.send_signal(number)
+                await eventually(lambda: self.watched.state.motion is None and self._rests(), "rest")
+                return time.monotonic() - begin
+            finally:
+                agent.kill()
+                await asyncio.gather(prompt, return_exceptions=True)
+                await client.close()
 
     @contextlib.asynccontextmanager
     async def _driving(self) -> AsyncIterator[asyncio.Task[object]]:
@@ -166,7 +162,8 @@ async def measure(robot: Robot, repetitions: int, kills: int) -> None:
         for number in (signal.SIGKILL, signal.SIGSTOP):
             times = [await bench.lost(number) * 1000 for _ in range(kills)]
             print(
-                f"client gets {number.name:16} p50 {statistics.median(times):4.0f} ms  max {max(times):4.0f} ms", end=""
+                f"the agent gets {number.name:13} p50 {statistics.median(times):4.0f} ms  max {max(times):4.0f} ms",
+                end="",
             )
             print(f"  bound {bound:4.0f} ms")
         await bench.tools.close()
@@ -175,16 +172,24 @@ async def measure(robot: Robot, repetitions: int, kills: int) -> None:
 
 def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    arguments.add_argument("--robot", default="simulator", help="which robot: `robot-acp robot --robot …`")
+    arguments.add_argument("--robot", default="simulator", choices=["simulator", "ros2"])
     arguments.add_argument("--repetitions", type=int, default=200)
     arguments.add_argument("--kills", type=int, default=10)
     asked = arguments.parse_args()
-    command = ["robot"] if asked.robot == "simulator" else ["robot", "--robot", asked.robot]
     print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}, robot: {asked.robot}")
-    with tempfile.TemporaryDirectory() as folder:
-        robot = Robot(Path(folder), SETTINGS)
-        with robot.running(*command, port=robot.robot_port):
-            asyncio.run(measure(robot, asked.repetitions, asked.kills))
+    with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as running:
+        robot = Robot(Path(folder), dict(SETTINGS))
+        command = ["robot"]
+        if asked.robot == "ros2":
+            command += ["--robot", "ros2", "--ros2-demo"]
+            robot.environment.update(DOMAIN)
+            stand_in = robot.spawn("ros2-demo", stdout=subprocess.PIPE)
+            running.callback(end, stand_in)
+            assert stand_in.stdout is not None
+            while "on the domain" not in (line := stand_in.stdout.readline()):
+                assert line, "the stand-in has ended"
+        running.enter_context(robot.running(*command, port=robot.robot_port))
+        asyncio.run(measure(robot, asked.repetitions, asked.kills))
 
 
 if __name__ == "__main__":
