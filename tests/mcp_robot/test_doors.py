@@ -7,8 +7,9 @@ import math
 import pytest
 
 from backend.config import Limits, Simulator
+from backend.mcp_robot import planner
 from backend.mcp_robot.grid import FREE, OCCUPIED
-from backend.mcp_robot.simulator import planner, world
+from backend.mcp_robot.simulator import world
 from backend.mcp_robot.simulator.motions import Drive
 from backend.mcp_robot.simulator.simulation import Simulation
 from backend.mcp_robot.simulator.world import World, WorldError

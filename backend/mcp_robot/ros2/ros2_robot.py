@@ -21,7 +21,7 @@ from rclpy.action import ActionClient
 from std_msgs.msg import String
 
 from backend.config import Limits, Ros2
-from backend.mcp_robot import speech
+from backend.mcp_robot import follower, planner, speech
 from backend.mcp_robot.grid import FREE, Floats, OccupancyGrid
 from backend.mcp_robot.refusal import Halted, Refusal
 from backend.mcp_robot.robot import Fix, Picture, Remaining, Route, Sound, TopologicalMap
@@ -32,7 +32,6 @@ from backend.mcp_robot.ros2.goals import ABORTED, CANCELED, SUCCEEDED, Goal
 from backend.mcp_robot.ros2.link import RosLink
 from backend.mcp_robot.ros2.senses import Senses
 from backend.mcp_robot.ros2.waiting import EVERY, until
-from backend.mcp_robot.simulator import follower, planner
 from backend.telemetry import Battery, Pose, Scan, Twist, Zone
 
 logger = logging.getLogger(__name__)

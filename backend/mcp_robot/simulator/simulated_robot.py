@@ -18,11 +18,11 @@ from collections.abc import AsyncIterator, Callable
 import numpy as np
 
 from backend.config import Limits, Simulator
-from backend.mcp_robot import speech
+from backend.mcp_robot import follower, planner, speech
 from backend.mcp_robot.grid import Floats, OccupancyGrid
 from backend.mcp_robot.refusal import Halted, Refusal
 from backend.mcp_robot.robot import Fix, Picture, Remaining, Route, Sound, TopologicalMap
-from backend.mcp_robot.simulator import camera, follower, laser, planner
+from backend.mcp_robot.simulator import camera, laser
 from backend.mcp_robot.simulator.motions import Drive, Turn, Utterance
 from backend.mcp_robot.simulator.simulation import FOOTPRINT_RADIUS, STEP, Simulation
 from backend.mcp_robot.simulator.world import World

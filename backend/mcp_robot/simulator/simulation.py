@@ -22,10 +22,11 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from backend.config import Limits, Simulator
+from backend.mcp_robot import follower, planner
 from backend.mcp_robot.grid import Floats, OccupancyGrid
 from backend.mcp_robot.places import at_dock
 from backend.mcp_robot.robot import Remaining
-from backend.mcp_robot.simulator import disturbances, follower, planner
+from backend.mcp_robot.simulator import disturbances
 from backend.mcp_robot.simulator.battery import Accumulator
 from backend.mcp_robot.simulator.motions import Drive, Turn, Utterance
 from backend.mcp_robot.simulator.obstacles import Obstacles

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from backend.mcp_robot.grid import Floats, OccupancyGrid, sample
-from backend.mcp_robot.simulator.search import SearchGrid, Unreachable, cheapest, search_grid, wall_cost
+from backend.mcp_robot.search import SearchGrid, Unreachable, cheapest, search_grid, wall_cost
 
 __all__ = ["SearchGrid", "Unreachable", "length", "plan", "resample", "search_grid"]
 
