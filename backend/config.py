@@ -87,6 +87,9 @@ class Ros2(_Section):
     image: str = Field("camera/image_raw/compressed", description="a picture of the front camera")
     image_type: Literal["compressed", "raw"] = "compressed"
     speech: str = Field("speech", description="std_msgs/String: what the robot is to say aloud")
+    speech_action: str = Field("", description="an action that says it instead; empty: the topic")
+    speech_action_type: str = Field("audio_common_msgs/action/TTS", pattern=r"^\w+/action/\w+$")
+    speech_action_field: str = Field("text", min_length=1, description="the field of its goal that holds the text")
     cmd_vel: str = Field("cmd_vel_nav", min_length=1, description="the input of velocity smoother, collision monitor")
     cmd_vel_stamped: bool | None = Field(None, description="TwistStamped; default: from Kilted on")
     navigate: str = Field("navigate_to_pose", min_length=1, description="nav2_msgs/action/NavigateToPose")

@@ -99,7 +99,16 @@ def test_a_scan_of_a_laser_that_sits_ahead_and_looks_back_is_seen_from_the_middl
 
 
 @pytest.mark.parametrize("sensor", [None, Pose(0.0, 0.0, 0.0), Pose(0.3, 0.0, math.pi)])
-@pytest.mark.parametrize("wrong", [{"ranges": array.array("f")}, {"range_max": math.nan}, {"angle_increment": 0.0}])
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"ranges": array.array("f")},
+        {"ranges": array.array("f", [math.nan, 0.0, -math.inf, 0.05])},
+        {"ranges": array.array("f", [0.0, 0.0]), "range_min": 0.0},
+        {"range_max": math.nan},
+        {"angle_increment": 0.0},
+    ],
+)
 def test_a_scan_that_cannot_be_used_has_no_readings(sensor: Pose | None, wrong: dict[str, Any]) -> None:
     header = Message(stamp=Message(sec=7, nanosec=0))
     usual = {"angle_min": -1.0, "angle_increment": 0.1, "range_min": 0.1, "range_max": 9.0}

@@ -100,12 +100,14 @@ def scan(message: Any, sensor: Pose | None, robot: Pose) -> Scan:
     """A sensor_msgs/LaserScan, seen from the middle of the robot.
 
     `sensor` is where the laser is in the robot's frame, None when nobody knows. Readings that hit nothing, or are none,
-    are `range_max`. A scan that cannot be used has no readings.
+    are `range_max`. A scan that cannot be used has no readings: nor has one of nothing but errors (REP 117: NaN, or
+    nearer than `range_min`), which a covered or dead laser sends.
     """
     ranges = np.array(message.ranges, dtype=np.float64)
     reach = float(message.range_max)
     numbers = (reach, message.angle_min, message.angle_increment)
-    if sensor is None or not ranges.size or not all(map(math.isfinite, numbers)) or not message.angle_increment:
+    unusable = not message.angle_increment or not ((ranges > 0) & (ranges >= message.range_min)).any()
+    if sensor is None or unusable or not all(map(math.isfinite, numbers)):
         return Scan(seconds(message.header.stamp), robot, -math.pi, math.tau, 0.0, [])
     hit = np.isfinite(ranges) & (ranges >= message.range_min) & (ranges < reach)
     angles = message.angle_min + message.angle_increment * np.arange(ranges.size) + sensor.yaw

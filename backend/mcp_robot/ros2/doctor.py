@@ -101,7 +101,7 @@ def _outputs(node: Any, settings: Any) -> Iterator[Finding]:
         yield bad(name, f"its listeners want {', '.join(sorted(types))}", "Set robot.ros2.cmd_vel_stamped.")
     else:
         yield bad(name, "nobody listens to a stop's zero velocity", "Set robot.ros2.cmd_vel to the smoother's input.")
-    if settings.speech:
+    if settings.speech and not settings.speech_action:
         count = node.count_subscribers(settings.speech)
         advice = 'Start the speech node, or set robot.ros2.speech, "" for none.'
         about = f"{count} listener{'' if count == 1 else 's'}"
@@ -110,14 +110,20 @@ def _outputs(node: Any, settings: Any) -> Iterator[Finding]:
 
 def _actions(node: Any, settings: Any) -> Iterator[Finding]:
     services = {name for name, _ in node.get_service_names_and_types()}
-    for action, needed in ((settings.navigate, True), (settings.spin, True), (settings.compute_path, False)):
+    start_nav2 = "Start Nav2 and activate it, or set the action's name."
+    for action, advice in (
+        (settings.navigate, start_nav2),
+        (settings.spin, start_nav2),
+        (settings.compute_path, None),
+        (settings.speech_action, 'Start the speech node, or set robot.ros2.speech_action, "" for the topic.'),
+    ):
         if not action:
             continue
         name = node.resolve_service_name(f"{action}/_action/send_goal")
         if name in services:
             yield good(f"action {action}", "its server is there")
-        elif needed:
-            yield bad(f"action {action}", "no server", "Start Nav2 and activate it, or set the action's name.")
+        elif advice:
+            yield bad(f"action {action}", "no server", advice)
         else:
             yield good(f"action {action}", "no server; paths are planned here instead")
 

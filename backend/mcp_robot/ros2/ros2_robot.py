@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 from nav2_msgs.action import ComputePathToPose, NavigateToPose, Spin
 from rclpy.action import ActionClient
-from std_msgs.msg import String
 
 from backend.config import Limits, Ros2
 from backend.mcp_robot import follower, planner, speech
@@ -31,7 +30,8 @@ from backend.mcp_robot.ros2.camera import Camera
 from backend.mcp_robot.ros2.goals import ABORTED, CANCELED, SUCCEEDED, Goal
 from backend.mcp_robot.ros2.link import RosLink
 from backend.mcp_robot.ros2.senses import Senses
-from backend.mcp_robot.ros2.waiting import EVERY, until
+from backend.mcp_robot.ros2.voice import voice
+from backend.mcp_robot.ros2.waiting import until
 from backend.telemetry import Battery, Pose, Scan, Twist, Zone
 
 logger = logging.getLogger(__name__)
@@ -64,8 +64,6 @@ class Ros2Robot:
         self._goal: Goal | None = None  # the motion under way
         self._remaining: Remaining | None = None  # what is left of it
         self._halts = 0  # how often halt was called: what began before one must not go on after it
-        self._hushed = asyncio.Event()  # set by hush, replaced when something is said
-        self._hushed.set()
         self._search: tuple[OccupancyGrid, planner.SearchGrid] | None = None  # for the map that it was made of
         self._join()  # the ROS thread does not run yet
 
@@ -89,7 +87,7 @@ class Ros2Robot:
         self._navigate = ActionClient(node, NavigateToPose, s.navigate)
         self._spin = ActionClient(node, Spin, s.spin)
         self._compute_path = ActionClient(node, ComputePathToPose, s.compute_path) if s.compute_path else None
-        self._voice = node.create_publisher(String, s.speech, 10) if s.speech else None
+        self._voice = voice(self._link, s, self._senses.clock)
 
     async def _wait_for_the_robot(self) -> None:
         loop = asyncio.get_running_loop()
@@ -331,25 +329,12 @@ class Ros2Robot:
         return await speech.synthesize(text)
 
     async def say(self, text: str, sound: Sound) -> None:
-        """Publish the text, and wait for as long as saying it takes. Raises `Refusal` (no_voice) or `Halted`."""
-        if self._voice is None or not self._voice.get_subscription_count():
-            where = f"on the topic {self._settings.speech}" if self._voice else "no topic is set for it"
-            raise Refusal("no_voice", f"The robot has no voice: nobody listens, {where}.")
-        hushed = self._hushed = asyncio.Event()
-        self._voice.publish(String(data=text))
-        end = self.clock() + sound.seconds
-        while self.clock() < end:
-            with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(EVERY):
-                    await hushed.wait()
-            if hushed.is_set():
-                raise Halted
+        """Let the robot's voice say it. Raises `Refusal` (no_voice) or `Halted`."""
+        await self._voice.say(text, sound.seconds)
 
     def hush(self) -> None:
-        """Stop speaking: an empty text, which replaces what is being said."""
-        if not self._hushed.is_set() and self._voice is not None:
-            self._voice.publish(String(data=""))
-        self._hushed.set()
+        """Stop speaking."""
+        self._voice.hush()
 
     def _address(self, message: Any, goal: Pose) -> None:
         """Fill in a PoseStamped in the map frame."""
