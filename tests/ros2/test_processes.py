@@ -37,13 +37,16 @@ async def test_up_on_the_stand_in_serves_the_papers_first_prompt_over_tcp(tmp_pa
         assert end(up.process) == 0
 
 
-async def test_a_robot_that_runs_humble_is_driven_and_its_failure_told(tmp_path: Path, stand_ins: StandIns) -> None:
-    """Humble's results have no error code; both ends speak its interfaces here."""
+@pytest.mark.parametrize("distro", ["humble", "jazzy"])
+async def test_a_robot_of_an_older_distribution_is_driven_and_its_failure_told(
+    tmp_path: Path, stand_ins: StandIns, distro: str
+) -> None:
+    """Humble's results have no error code, Jazzy's no message to it; both ends speak its interfaces here."""
     stand_ins.share(tmp_path)
     robot = Robot(
         tmp_path,
         {
-            "ROBOT_ACP_ROBOT__ROS2__DISTRO": "humble",
+            "ROBOT_ACP_ROBOT__ROS2__DISTRO": distro,
             "ROBOT_ACP_ROBOT__ROS2__DOMAIN_ID": str(free_domain()),
             "ROBOT_ACP_ROBOT__TIME_SCALE": "10",
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
