@@ -118,7 +118,7 @@ def test_a_stop_that_cannot_be_written_down_is_still_a_stop(tmp_path: Path) -> N
 
 @pytest.mark.parametrize(
     ("given", "name"),
-    [("Ana", "Ana"), (" Ana\n B ", "Ana B"), ("", "someone"), (None, "someone"), (7, "someone"), ("\x1b", "someone")],
+    [("Ana", "Ana"), (" Ana\n B ", "Ana B"), ("", "someone"), (None, "someone"), ("\x1b", "someone")],
 )
-def test_whoever_stops_gets_a_clean_name(given: object, name: str) -> None:
+def test_whoever_stops_gets_a_clean_name(given: str | None, name: str) -> None:
     assert name_of(given) == name
