@@ -57,7 +57,7 @@ class KeepOut(_Section):
 
 
 class Simulator(_Section):
-    """How the simulated robot begins, and what makes it less than ideal: all off by default, all drawn from its seed."""
+    """How the simulated robot begins, and what makes it less than ideal: all off by default, drawn from the seed."""
 
     people: int = Field(0, ge=0, le=50, description="people who walk about")
     closed_doors: list[str] = Field([], description="ids of doors of the world that are closed at the start")
