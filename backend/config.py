@@ -57,7 +57,7 @@ class KeepOut(_Section):
 
 
 class Simulator(_Section):
-    """What makes the simulator less than ideal. All off by default, all drawn from the robot's seed."""
+    """How the simulated robot begins, and what makes it less than ideal: all off by default, drawn from the seed."""
 
     people: int = Field(0, ge=0, le=50, description="people who walk about")
     closed_doors: list[str] = Field([], description="ids of doors of the world that are closed at the start")
@@ -65,6 +65,7 @@ class Simulator(_Section):
     heading_noise: float = Field(0.0, ge=0, le=0.1, description="standard deviation of the yaw error, rad")
     wheel_slip: float = Field(0.0, ge=0, le=0.5, description="share of their grip that the wheels lose at most")
     laser_rays: int = Field(360, ge=60, le=1440)
+    battery: float = Field(0.92, gt=0, le=1, description="its charge at the start, from 0 to 1")
 
 
 class Ros2(_Section):

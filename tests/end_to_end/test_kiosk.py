@@ -9,6 +9,7 @@ import json
 import re
 import signal
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +17,17 @@ import pytest
 from playwright.async_api import Page, expect
 
 from backend.identity import Role
+from tests.end_to_end.accessible import accessible
 from tests.end_to_end.conftest import Opener, Up, start
 from tests.end_to_end.cut import cable_to
 from tests.processes import Client, Robot, end
 
 COLUMN = {"width": 1080, "height": 1920}
 PHONE = {"width": 390, "height": 844}
-AXE = Path(__file__).parents[2] / "web/node_modules/axe-core/axe.min.js"
-RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]
 NAME = "Kiosk, hall"
+
+accessible = partial(accessible, smallest=64)
+"""Large enough for whoever stands before it, walks past it, or is in a hurry."""
 
 
 @pytest.fixture(scope="module")
@@ -64,23 +67,6 @@ async def doing(page: Page, what: str) -> None:
 async def answered(page: Page, words: str) -> None:
     await expect(page.get_by_test_id("kiosk-answer")).to_contain_text(words)
     await expect(page.get_by_test_id("kiosk-field")).to_be_visible()
-
-
-async def accessible(page: Page, state: str) -> None:
-    """No rule of WCAG 2.2 A or AA is broken, nothing is wider than the screen, and every target is large."""
-    await page.evaluate(AXE.read_text())
-    options = json.dumps({"runOnly": {"type": "tag", "values": RULES}, "iframes": False})
-    found = await page.evaluate(f"axe.run(document, {options})")
-    broken = [(rule["id"], [node["html"] for node in rule["nodes"]]) for rule in found["violations"]]
-    assert broken == [], state
-    assert await page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") == 0, (
-        state
-    )
-    await expect(page.get_by_test_id("stop")).to_be_in_viewport(ratio=1)
-    sizes = await page.locator(":is(button, input):visible").evaluate_all(
-        "all => all.map(one => [one.outerHTML.slice(0, 120), one.offsetWidth, one.offsetHeight])"
-    )
-    assert [size for size in sizes if min(size[1:]) < 64] == [], state
 
 
 async def place(up: Up, name: str) -> tuple[float, float]:

@@ -27,7 +27,7 @@ export function Toasts() {
           </Toast.Close>
         </Toast.Root>
       ))}
-      <Toast.Viewport className="toasts" />
+      <Toast.Viewport className="toasts" label={t("toast.region")} />
     </Toast.Provider>
   );
 }

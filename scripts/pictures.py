@@ -1,0 +1,322 @@
+"""Takes pictures of every screen, in three sizes, light and dark, in English and Spanish, with a robot of its own.
+
+    .venv/bin/python scripts/pictures.py --out DIR                     all of them, some minutes
+    .venv/bin/python scripts/pictures.py --out DIR --only '*-390-*'    some of them
+    .venv/bin/python scripts/pictures.py --docs                        those of docs/, made small, into docs/images
+
+Names are SCREEN-WIDTH-COLOURS-LANGUAGE.png. What is shown is brought about as in the end-to-end tests, in the real
+processes; the web app must have been built (`./run.sh` does that). It judges nothing: look at what it made.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import fnmatch
+import io
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from PIL import Image
+from playwright.async_api import Browser, Page, async_playwright, expect
+
+ROOT = Path(__file__).parent.parent
+sys.path.insert(0, str(ROOT))
+
+from backend.identity import Role  # noqa: E402
+from tests.end_to_end import screens  # noqa: E402
+from tests.end_to_end.accessible import PHONE, TABLET, WIDE  # noqa: E402
+from tests.end_to_end.conftest import CHROMIUM_FLAGS  # noqa: E402
+from tests.end_to_end.stage import Stage  # noqa: E402
+
+SIZES = (WIDE, TABLET, PHONE)
+LANGUAGES = {"en": "en-US", "es": "es-ES"}
+COLOURS = ("light", "dark")
+IMAGES = ROOT / "docs" / "images"
+LARGEST = 150_000
+"""Bytes of a picture in docs/."""
+DOCS = {
+    "dashboard": "dashboard-driving-1440-light-en",
+    "dashboard-question": "dashboard-question-1440-dark-en",
+    "dashboard-stopped-es": "dashboard-stopped-1440-light-es",
+    "tablet": "dashboard-talking-820-light-en",
+    "phone": "dashboard-question-390-light-en",
+    "phone-map": "dashboard-map-390-dark-en",
+    "kiosk": "kiosk-greeting-820-light-en",
+    "kiosk-driving": "kiosk-driving-390-light-en",
+    "kiosk-waiting-es": "kiosk-waiting-1440-dark-es",
+}
+"""What docs/ shows, by its name there."""
+
+Step = Callable[[Page], Awaitable[None]]
+
+
+async def nothing(_: Page) -> None:
+    """A screen that is there by itself, or needs nothing to go away."""
+
+
+@dataclass(frozen=True)
+class Screen:
+    """How a screen comes to be (again, where that ended by itself), and how it goes away."""
+
+    name: str
+    come: Step = nothing
+    go: Step = nothing
+    sizes: tuple[dict[str, int], ...] = SIZES
+
+
+class Dashboard:
+    """The screens of a supervisor, in an order in which each begins where the one before left the robot."""
+
+    def __init__(self, stage: Stage) -> None:
+        self._stage = stage
+        self._far = False  # which end of the corridor was driven to last
+        self._down = False  # whether this ended the robot server
+
+    @property
+    def screens(self) -> list[Screen]:
+        yes = screens.refused
+        return [
+            Screen("login", come=self._log_out, go=self._log_in),
+            Screen("empty", come=screens.new_session),
+            Screen("talking", come=self._talk),
+            Screen("menu", come=self._menu, go=self._shut),
+            Screen("sessions", come=self._drawer, go=self._shut, sizes=(TABLET,)),
+            Screen("question", come=self._ask, go=yes),
+            Screen("driving", come=self._drive),
+            Screen("map", come=self._look, go=self._talk_again, sizes=(PHONE,)),
+            Screen("stopped", come=self._stop, go=screens.released),
+            Screen("robot-down", come=self._lose, go=self._find),
+        ]
+
+    async def _log_out(self, page: Page) -> None:
+        await page.context.clear_cookies()
+        await page.goto(self._stage.base)
+        await expect(page.get_by_test_id("login-problem")).to_be_visible()
+
+    async def _log_in(self, page: Page) -> None:
+        await page.goto(self._stage.page("Sue", Role.SUPERVISOR))
+        await screens.online(page)
+
+    async def _talk(self, page: Page) -> None:
+        if await page.get_by_test_id("tool-card").count() == 0:
+            await screens.talked(page)
+
+    async def _menu(self, page: Page) -> None:
+        if await page.locator("[role=menu], [role=dialog]").count() == 0:
+            await page.locator("header [aria-haspopup]:not([role=combobox]):visible").last.click()
+
+    async def _drawer(self, page: Page) -> None:
+        if await page.get_by_role("dialog").count() == 0:
+            await page.locator("header button").first.click()
+
+    async def _shut(self, page: Page) -> None:
+        await page.keyboard.press("Escape")
+
+    async def _ask(self, page: Page) -> None:
+        if await page.get_by_test_id("permission").count() == 0:
+            await screens.asked(page)
+
+    async def _drive(self, page: Page) -> None:
+        if await page.get_by_test_id("robot-state").get_attribute("data-state") != "driving":
+            await screens.idle(page)
+            self._far = not self._far
+            await screens.driving(page, "lab 2.3.9" if self._far else "lab 2.3.1")
+
+    async def _look(self, page: Page) -> None:
+        await self._talk_again(page)
+        await self._drive(page)
+        await page.locator("nav").get_by_role("button").nth(1).tap()
+
+    async def _talk_again(self, page: Page) -> None:
+        await page.locator("nav").get_by_role("button").first.tap()
+
+    async def _stop(self, page: Page) -> None:
+        if await page.get_by_test_id("stop-band").count() == 0:
+            await screens.stopped(page)
+            await screens.idle(page)
+
+    async def _lose(self, page: Page) -> None:
+        if not self._down:
+            self._stage.end("robot")
+            self._down = True
+        await expect(page.get_by_test_id("robot-band")).to_be_visible()
+
+    async def _find(self, page: Page) -> None:
+        self._stage.start("robot")
+        self._down = False
+        await expect(page.get_by_test_id("robot-band")).to_have_count(0)
+
+
+class Kiosk:
+    """The screens of a visitor. Somebody of staff is at a dashboard, or nobody could be waited for."""
+
+    def __init__(self, staff: Page) -> None:
+        self._staff = staff
+
+    @property
+    def screens(self) -> list[Screen]:
+        return [
+            Screen("greeting", come=self._start_over),
+            Screen("driving", come=self._drive, go=self._start_over),
+            Screen("waiting", come=self._wait, go=self._start_over),
+            Screen("stopped", come=self._stop, go=self._release),
+        ]
+
+    async def _start_over(self, page: Page) -> None:
+        if await page.get_by_test_id("kiosk-start-over").count() > 0:
+            await page.get_by_test_id("kiosk-start-over").click()
+        await expect(page.get_by_test_id("kiosk-suggestion")).to_have_count(6)
+
+    async def _wish(self, page: Page, words: str, doing: str) -> None:
+        status = page.get_by_test_id("kiosk-status")
+        if await status.count() > 0 and await status.get_attribute("data-doing") == doing:
+            return
+        await self._start_over(page)
+        await page.get_by_test_id("kiosk-field").fill(words)
+        await page.get_by_test_id("kiosk-send").click()
+        await expect(status).to_have_attribute("data-doing", doing)
+
+    async def _drive(self, page: Page) -> None:
+        await self._wish(page, "Take me to lab 2.3.9", "driving")
+        await expect(page.locator(".kiosk-detail")).to_be_visible()
+
+    async def _wait(self, page: Page) -> None:
+        await self._wish(page, "Say hello", "permission")
+
+    async def _stop(self, page: Page) -> None:
+        if await page.get_by_test_id("kiosk-stopped").count() == 0:
+            await screens.stopped(page)
+
+    async def _release(self, page: Page) -> None:
+        await screens.released(self._staff)
+        await expect(page.get_by_test_id("kiosk-stopped")).to_have_count(0)
+
+
+class Camera:
+    """Takes the pictures that are wanted."""
+
+    def __init__(self, folder: Path, patterns: list[str]) -> None:
+        self._folder = folder
+        self._patterns = patterns
+        self.made: list[Path] = []
+
+    def _names(self, where: str, screen: Screen, size: dict[str, int], language: str) -> dict[str, str]:
+        """The wanted pictures of a screen, by their colours."""
+        names = {scheme: f"{where}-{screen.name}-{size['width']}-{scheme}-{language}" for scheme in COLOURS}
+        return {k: v for k, v in names.items() if any(fnmatch.fnmatch(v, pattern) for pattern in self._patterns)}
+
+    def wants(self, where: str, all_screens: list[Screen], size: dict[str, int], language: str) -> bool:
+        return any(self._names(where, one, size, language) for one in all_screens if size in one.sizes)
+
+    async def take(
+        self, page: Page, where: str, all_screens: list[Screen], size: dict[str, int], language: str
+    ) -> None:
+        for screen in all_screens:
+            names = self._names(where, screen, size, language) if size in screen.sizes else {}
+            for scheme, name in names.items():
+                await page.emulate_media(color_scheme=scheme, reduced_motion="reduce")
+                await screen.come(page)
+                await drawn(page)
+                self.made.append(self._folder / f"{name}.png")
+                await page.screenshot(path=self.made[-1])
+                print(self.made[-1], flush=True)
+            if names:
+                await screen.go(page)
+
+
+async def drawn(page: Page) -> None:
+    """The map, where one is in sight, is there in the size that it has on the page."""
+    frame = page.locator("iframe:visible")
+    if await frame.count() == 0:
+        return
+    canvas = page.frame_locator("iframe:visible").locator("canvas").first
+    await expect(canvas).to_be_visible()
+    async with asyncio.timeout(60):
+        while True:
+            picture = Image.open(io.BytesIO(await canvas.screenshot())).convert("RGB")
+            box = await frame.first.bounding_box()
+            right = box is not None and abs(picture.width - box["width"] * await scale(page)) < 4
+            if right and len(picture.getcolors(maxcolors=2**24) or []) > 200:
+                return
+
+
+async def scale(page: Page) -> float:
+    return float(await page.evaluate("devicePixelRatio"))
+
+
+@asynccontextmanager
+async def opened(browser: Browser, url: str, size: dict[str, int], language: str) -> AsyncIterator[Page]:
+    """A page of its own person, on a device of this size."""
+    small = size != WIDE
+    context = await browser.new_context(
+        viewport=size, locale=LANGUAGES[language], has_touch=small, device_scale_factor=2 if size == PHONE else 1
+    )
+    page = await context.new_page()
+    await page.goto(url)
+    yield page
+    await context.close()
+
+
+async def take_all(stage: Stage, browser: Browser, camera: Camera) -> None:
+    for language in LANGUAGES:
+        for size in SIZES:
+            dashboard = Dashboard(stage)
+            if camera.wants("dashboard", dashboard.screens, size, language):
+                async with opened(browser, stage.page("Sue", Role.SUPERVISOR), size, language) as page:
+                    await screens.online(page)
+                    await camera.take(page, "dashboard", dashboard.screens, size, language)
+                    await screens.idle(page)
+            async with opened(browser, stage.page("Sue", Role.SUPERVISOR), PHONE, "en") as staff:
+                kiosk = Kiosk(staff)
+                if camera.wants("kiosk", kiosk.screens, size, language):
+                    url = stage.page("Kiosk, hall", Role.VISITOR, f"/kiosk?lang={language}")
+                    async with opened(browser, url, size, language) as page:
+                        await camera.take(page, "kiosk", kiosk.screens, size, language)
+
+
+def smaller(picture: Path, target: Path) -> None:
+    """The same picture with a palette, small enough for docs/."""
+    full = Image.open(picture).convert("RGB")
+    for colours in (256, 128, 64, 32):
+        full.quantize(colours, dither=Image.Dither.NONE).save(target, optimize=True)
+        if target.stat().st_size <= LARGEST:
+            break
+    print(f"{target}: {target.stat().st_size} bytes")
+
+
+async def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, help="folder of the pictures; default: one that is thrown away")
+    parser.add_argument("--only", action="append", metavar="PATTERN", help="as kiosk-*; may be given several times")
+    parser.add_argument("--docs", action="store_true", help="put those that docs/ shows into docs/images")
+    told = parser.parse_args()
+    if told.out is None and not told.docs:
+        parser.error("say where to, with --out DIR or --docs")
+    patterns = told.only or (["*"] if told.out else list(DOCS.values()))
+    with tempfile.TemporaryDirectory() as spare:
+        folder = told.out or Path(spare)
+        folder.mkdir(parents=True, exist_ok=True)
+        camera = Camera(folder, patterns)
+        data = Path(spare) / "data"
+        with Stage(data, ROBOT_ACP_ROBOT__TIME_SCALE="2", ROBOT_ACP_LOG_LEVEL="error") as stage:
+            async with async_playwright() as playwright:
+                chromium = os.environ.get("ROBOT_ACP_TEST_CHROMIUM") or shutil.which("chromium")
+                browser = await playwright.chromium.launch(executable_path=chromium, args=CHROMIUM_FLAGS)
+                await take_all(stage, browser, camera)
+                await browser.close()
+        if told.docs:
+            for name, picture in DOCS.items():
+                if folder / f"{picture}.png" in camera.made:
+                    smaller(folder / f"{picture}.png", IMAGES / f"{name}.png")
+    print(f"{len(camera.made)} pictures")
+
+
+if __name__ == "__main__":
+    asyncio.run(main())

@@ -1,0 +1,249 @@
+"""axe-core on every screen and state of the dashboard, in every size, light and dark; test_kiosk.py has the kiosk's.
+
+The states are brought about by what causes them in life: people, the network, and processes that end.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.async_api import Locator, Page, expect
+
+from backend import tokens
+from backend.identity import Role
+from tests.end_to_end import screens
+from tests.end_to_end.accessible import PHONE, TABLET, WIDE, accessible, everywhere
+from tests.end_to_end.conftest import Opener
+from tests.end_to_end.cut import cable_to
+from tests.end_to_end.stage import Stage
+from tests.end_to_end.test_papers_session import ask
+
+SPANISH = {"locale": "es-ES"}
+"""The longer words."""
+EMPTY_MAP = "<!doctype html><html lang=en><title>map</title>"
+
+
+@pytest.fixture
+async def open_page(open_page: Opener) -> Opener:
+    """Opens a page with an empty map: viser's page is not ours, and drawing it takes most of a small machine."""
+
+    async def opened(url: str, **options: Any) -> Page:
+        page = await open_page("about:blank", **options)
+        await page.route("**/scene/**", lambda route: route.fulfill(content_type="text/html", body=EMPTY_MAP))
+        await page.goto(url)
+        return page
+
+    return opened
+
+
+@pytest.fixture(scope="module")
+def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
+    """Three processes, faster than real."""
+    with Stage(tmp_path_factory.mktemp("data"), ROBOT_ACP_ROBOT__TIME_SCALE="4") as running:
+        yield running
+
+
+async def open_dashboard(stage: Stage, open_page: Opener, **options: Any) -> Page:
+    """Sue's page, with the session that she was in, or the newest."""
+    page = await open_page(stage.page("Sue", Role.SUPERVISOR, base=options.pop("base", None)), **options)
+    await screens.online(page)
+    return page
+
+
+async def test_the_login(stage: Stage, open_page: Opener) -> None:
+    page = await open_page(stage.base)
+    problem = page.get_by_test_id("login-problem")
+    await expect(problem).to_be_visible()
+    await everywhere(page, "no login", stop=False)
+    await page.get_by_role("textbox").fill("forged")
+    await page.keyboard.press("Enter")
+    await expect(problem).to_have_role("alert")
+    await everywhere(page, "an invalid login", PHONE, stop=False)
+    async with cable_to(stage.robot.bridge_port) as cable:
+        base = f"http://127.0.0.1:{cable.port}"
+        page = await open_page(stage.page("Eve", Role.OPERATOR, base=base))
+        problem = page.get_by_test_id("login-problem")
+        await screens.online(page)
+        tokens.revoke(stage.robot.data, "Eve")
+        await expect(problem).to_have_role("alert")
+        await everywhere(page, "a login that has ended", PHONE, stop=False)
+        await cable.cut()
+        await page.goto(f"{base}/#token=any")
+        await expect(page.get_by_role("textbox")).to_have_count(0)
+        await everywhere(page, "nobody answers", PHONE, stop=False)
+
+
+async def test_the_first_visit(stage: Stage, open_page: Opener, tmp_path: Path) -> None:
+    stage.restart("agent", ROBOT_ACP_AGENT__DATABASE=f"sqlite:///{tmp_path / 'empty.db'}")
+    viewer = await open_page(stage.page("Vic", Role.VIEWER))
+    await expect(viewer.get_by_test_id("conversation").get_by_role("heading")).to_be_visible()
+    await everywhere(viewer, "a viewer, and no session yet")
+    page = await open_dashboard(stage, open_page)
+    await expect(page.get_by_test_id("conversation").get_by_role("listitem").first).to_be_visible()
+    await everywhere(page, "an empty session")
+
+
+async def test_a_conversation_with_all_that_can_be_in_it(stage: Stage, open_page: Opener) -> None:
+    page = await open_dashboard(stage, open_page, **SPANISH)
+    await screens.talked(page)
+    await everywhere(page, "a conversation")
+    folded = page.get_by_test_id("conversation").locator("button[aria-expanded=false]:not([aria-haspopup])")
+    while await folded.count() > 0:
+        await folded.first.click()
+    await expect(page.get_by_test_id("conversation").locator("audio")).to_have_count(1)
+    await everywhere(page, "a conversation, everything unfolded")
+    await page.get_by_test_id("tool-card").locator("button:has(img)").click()
+    await expect(page.get_by_role("dialog")).to_be_visible()
+    await everywhere(page, "a large picture")
+
+
+async def test_a_question_a_turn_and_its_end(stage: Stage, open_page: Opener) -> None:
+    page = await open_dashboard(stage, open_page, **SPANISH)
+    await screens.new_session(page)
+    await screens.asked(page)
+    await everywhere(page, "a question")
+    await page.get_by_test_id("permission").get_by_role("checkbox").click()
+    await everywhere(page, "a question, for the whole session", PHONE)
+    await screens.refused(page)
+    await everywhere(page, "refused", WIDE)
+    await screens.driving(page)
+    await everywhere(page, "driving")
+    with stage.held("agent"):
+        await page.get_by_test_id("cancel").click()
+        await expect(page.get_by_test_id("cancel")).to_be_disabled()
+        await everywhere(page, "cancelling")
+    await screens.idle(page)
+    await everywhere(page, "cancelled", WIDE)
+
+
+async def test_stop_and_release(stage: Stage, open_page: Opener) -> None:
+    page = await open_dashboard(stage, open_page, **SPANISH)
+    await screens.stopped(page)
+    await everywhere(page, "stopped")
+    await page.get_by_test_id("release").click()
+    await expect(page.get_by_role("alertdialog")).to_be_visible()
+    await everywhere(page, "shall it be released?")
+    await page.keyboard.press("Escape")
+    viewer = await open_page(stage.page("Vic", Role.VIEWER))
+    await expect(viewer.get_by_test_id("stop-band")).to_be_visible()
+    await everywhere(viewer, "stopped, for a viewer", PHONE)
+    await viewer.close()
+    await screens.released(page)
+    with stage.without("robot"):
+        await page.get_by_test_id("stop").click()
+        await expect(page.get_by_test_id("stop-failed")).to_be_visible()
+        await everywhere(page, "a stop that did not get through")
+
+
+async def test_what_is_cut_off(stage: Stage, open_page: Opener) -> None:
+    async with cable_to(stage.robot.bridge_port) as cable:
+        page = await open_dashboard(stage, open_page, base=f"http://127.0.0.1:{cable.port}", **SPANISH)
+        with stage.without("robot"):
+            await expect(page.get_by_test_id("robot-band")).to_be_visible()
+            await everywhere(page, "the robot is down")
+        await expect(page.get_by_test_id("robot-band")).to_have_count(0)
+        with stage.without("agent"):
+            await expect(page.get_by_test_id("connection-band")).to_be_visible()
+            await everywhere(page, "the agent is down")
+        await expect(page.get_by_test_id("connection-band")).to_have_count(0)
+        await cable.cut()
+        await expect(page.get_by_test_id("connection-band")).to_be_visible()
+        await everywhere(page, "offline")
+        with stage.held("agent"):
+            await cable.plug_in()
+            await page.get_by_test_id("connection-band").get_by_role("button").click()
+            await everywhere(page, "it connects again", WIDE, PHONE)
+        await screens.online(page)
+
+
+async def test_other_people_and_a_low_battery(stage: Stage, open_page: Opener) -> None:
+    stage.restart("robot", ROBOT_ACP_ROBOT__SIMULATOR__BATTERY="0.16")
+    page = await open_dashboard(stage, open_page, **SPANISH)
+    await screens.new_session(page)
+    ana = await stage.somebody("Ana Fernández de Córdoba")
+    turn = ana.later(ana.prompt("go to lab 2.3.9, then go to lab 2.3.4, then go to lab 2.3.9"))
+    await expect(page.get_by_test_id("status-holder")).to_be_visible()
+    await ask(page, "go to reception")
+    await expect(page.get_by_test_id("tool-card").last).to_have_attribute("data-status", "pending")
+    await everywhere(page, "somebody else holds the robot, and there is a queue")
+    viewer = await open_page(f"{stage.base}/#token={stage.robot.token('Vic', Role.VIEWER)}")
+    await viewer.goto(f"{stage.base}/#/s/{ana.session}")
+    await expect(viewer.get_by_test_id("tool-card").first).to_be_visible()
+    await expect(viewer.get_by_test_id("status-battery")).to_have_attribute("data-tone", "danger")
+    await everywhere(viewer, "read-only, with a low battery")
+    await ana.cancel()
+    await turn
+    await ana.close()
+    await screens.idle(page)
+    stage.restart("robot")
+
+
+async def opened(page: Page, trigger: Locator, what: str) -> None:
+    """What a button opens is open, is looked at light and dark, and goes away with Escape."""
+    name = f"{what} {await trigger.get_attribute('aria-label')}"
+    await trigger.click()
+    popup = page.locator("[role=menu], [role=listbox], [role=dialog]").last
+    await expect(popup).to_be_visible()
+    size = page.viewport_size
+    assert size is not None
+    await everywhere(page, name, size)
+    for inner in await popup.get_by_role("combobox").all():
+        await opened(page, inner, f"{name}, in it")
+    await page.keyboard.press("Escape")
+    await expect(popup).to_have_count(0)
+
+
+async def test_menus_and_dialogs(stage: Stage, open_page: Opener) -> None:
+    page = await open_dashboard(stage, open_page)
+    await screens.talked(page)
+    opens = page.locator("header :is([role=combobox], [aria-haspopup]):visible")
+    for size in (WIDE, TABLET, PHONE):
+        await page.set_viewport_size(size)
+        await expect(opens.first).to_be_visible()
+        for trigger in await opens.all():
+            await opened(page, trigger, f"{size['width']} px:")
+
+
+async def test_the_sessions(stage: Stage, open_page: Opener) -> None:
+    page = await open_dashboard(stage, open_page)
+    await screens.talked(page)
+    await page.set_viewport_size(TABLET)
+    await page.get_by_role("button", name="sessions").click()
+    drawer = page.get_by_role("dialog")
+    await expect(drawer.get_by_test_id("session-item").first).to_be_visible()
+    await everywhere(page, "the drawer", TABLET)
+    await drawer.get_by_role("searchbox").fill("nothing has this name")
+    await expect(drawer.get_by_test_id("session-item")).to_have_count(0)
+    await everywhere(page, "no session found", TABLET)
+    await page.keyboard.press("Escape")
+    await expect(drawer).to_have_count(0)
+    await page.set_viewport_size(WIDE)
+    await page.get_by_role("button", name=re.compile("^Delete")).first.click()
+    await expect(page.get_by_role("alertdialog")).to_be_visible()
+    await everywhere(page, "shall it be deleted?", WIDE)
+
+
+async def test_the_views_of_a_phone(stage: Stage, open_page: Opener) -> None:
+    page = await open_dashboard(stage, open_page, viewport=PHONE, has_touch=True, **SPANISH)
+    await screens.talked(page)
+    await screens.asked(page, "say that lunch is ready")
+    for tab in await page.locator("nav").get_by_role("button").all():
+        await tab.tap()
+        await expect(tab).to_have_attribute("aria-current", "page")
+        await everywhere(page, f"the view {await tab.inner_text()}", PHONE)
+        await accessible(page, f"the view {await tab.inner_text()}, for fingers", smallest=44)
+    await screens.refused(page)
+
+
+async def test_with_less_motion_nothing_moves_by_itself(stage: Stage, open_page: Opener) -> None:
+    page = await open_dashboard(stage, open_page, reduced_motion="reduce")
+    await screens.new_session(page)
+    await screens.driving(page)
+    assert await page.evaluate("document.getAnimations().length") == 0
+    await page.emulate_media(reduced_motion="no-preference")
+    assert await page.evaluate("document.getAnimations().length") > 0
+    await screens.cancelled(page)
