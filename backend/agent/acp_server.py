@@ -37,6 +37,7 @@ from backend import __version__, identity, wire
 from backend.agent import commands, options
 from backend.agent.abilities import abilities
 from backend.agent.connection import ClientConnection, after_the_answer
+from backend.agent.event_page import event_page
 from backend.agent.house import House
 from backend.agent.offers import Offer, OfferRefused
 from backend.agent.robot_link import RobotLinkError
@@ -57,6 +58,7 @@ EXTENSIONS = (
     "_robot/take_over",
     "_robot/abilities",
     "_robot/leave",
+    "_robot/events",
 )
 _AFTER = "robot-acp/after"
 _TURN = "robot-acp/turn"
@@ -358,7 +360,7 @@ class AcpServer:
     # Extensions
 
     async def ext_method(self, name: str, params: dict[str, Any]) -> dict[str, Any]:
-        """`_robot/stop`, `leave` and `abilities` for everyone, `_robot/release` and `take_over` for supervisors."""
+        """`_robot/stop`, `leave`, `events` and `abilities` for everyone, `release` and `take_over` for supervisors."""
         try:
             if name == "robot/stop":
                 return await self._house.link.stop(self._known().name)
@@ -374,6 +376,9 @@ class AcpServer:
                 await self._house.sessions.get(session_id, self._known())  # behind a load that waits for the database
                 self._detach(session_id)
                 return {}
+            if name == "robot/events":
+                session = await self._session(str(params.get("sessionId")))
+                return await event_page(self._house.sessions, session, params)
             if name == "robot/abilities":
                 self._known()
                 return await abilities(self._house.bench.tools, self._house.settings.agent.places_tool)

@@ -79,6 +79,16 @@ class ToolTraits:
     can_preview: bool = False
 
 
+def moves(tool: ToolTraits) -> bool:
+    """Whether the tool is one of those that drive or turn the robot."""
+    return tool.name in _MOTION or tool.can_preview
+
+
+def speaks(tool: ToolTraits) -> bool:
+    """Whether the tool is one of those that say something aloud."""
+    return tool.name in _SPEECH
+
+
 class Policy:
     """The tables of robot.toml over the defaults: mode -> tool -> decision, and for visitors tool -> decision."""
 
@@ -98,7 +108,7 @@ class Policy:
         """Whether `tool` may run in `mode` for `asker`; `motion_asks` is a session's wish that motion asks where it
         is free."""
         decision = self._by_mode(mode, tool)
-        if decision == "allow" and motion_asks and (tool.name in _MOTION or tool.can_preview):
+        if decision == "allow" and motion_asks and moves(tool):
             decision = "ask"
         if asker is Role.VISITOR:
             decision = max(decision, self._for_visitors(tool), key=_STRICTNESS.index)

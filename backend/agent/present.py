@@ -9,6 +9,7 @@ import json
 from typing import Any, Literal
 
 from backend.agent.permissions import Verdict
+from backend.agent.phases import Phase
 from backend.agent.tool_server import Progress, Tool, ToolResult
 
 Update = dict[str, Any]
@@ -36,14 +37,26 @@ def message(text: str) -> Update:
     return {"sessionUpdate": "agent_message_chunk", "content": text_block(text)}
 
 
-def plan(entries: list[dict[str, Any]]) -> Update:
-    """The steps of the task, all of them."""
+def plan(entries: Any) -> Update | None:
+    """The steps of the task, all of them; None when `entries` are no steps."""
+    if not isinstance(entries, list) or not entries or not all(_is_step(entry) for entry in entries):
+        return None
     shown = [{"content": e["content"], "priority": "medium", "status": e["status"]} for e in entries]
     return {"sessionUpdate": "plan", "entries": shown}
 
 
-def tool_call(call_id: str, tool: Tool, arguments: dict[str, Any], status: ToolStatus) -> Update:
-    """The announcement of a tool call."""
+def _is_step(entry: Any) -> bool:
+    return (
+        isinstance(entry, dict)
+        and isinstance(entry.get("content"), str)
+        and entry.get("status") in ("pending", "in_progress", "completed")
+    )
+
+
+def tool_call(
+    call_id: str, tool: Tool, arguments: dict[str, Any], status: ToolStatus, phase: Phase = "tools"
+) -> Update:
+    """The announcement of a tool call, and what its time will count as."""
     return {
         "sessionUpdate": "tool_call",
         "toolCallId": call_id,
@@ -51,7 +64,7 @@ def tool_call(call_id: str, tool: Tool, arguments: dict[str, Any], status: ToolS
         "kind": _kind(tool),
         "status": status,
         "rawInput": arguments,
-        "_meta": {"robot-acp/tool": tool.name},
+        "_meta": {"robot-acp/tool": tool.name, "robot-acp/phase": phase},
     }
 
 
@@ -112,9 +125,12 @@ def title(text: str) -> Update:
     return {"sessionUpdate": "session_info_update", "title": text}
 
 
-def turn_ended(turn_id: str, stop_reason: str) -> Update:
-    """The end of a turn, for those who did not ask for it and for the log."""
-    meta = {"robot-acp/turn": {"id": turn_id, "state": "ended", "stopReason": stop_reason}}
+def turn_ended(turn_id: str, stop_reason: str, phases: dict[str, float] | None = None) -> Update:
+    """The end of a turn, for those who did not ask for it and for the log; `phases` are the seconds it took, by phase,
+    where they were measured."""
+    meta: dict[str, Any] = {"robot-acp/turn": {"id": turn_id, "state": "ended", "stopReason": stop_reason}}
+    if phases is not None:
+        meta["robot-acp/phases"] = phases
     return {"sessionUpdate": "session_info_update", "_meta": meta}
 
 

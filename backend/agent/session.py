@@ -90,7 +90,8 @@ class Session:
         self.turn_by: str | None = None
         """Who asked for the running turn; None between turns."""
         self._journal = journal
-        self._shown = seq
+        self.shown = seq
+        """The number of the last event that people may see: those after it are still being kept."""
         self._listeners: set[Listener] = set()
         self._catching_up: dict[Listener, _Held] = {}
         self.touched = time.monotonic()
@@ -140,7 +141,7 @@ class Session:
         self._journal.change(self.id, fields)
 
     def _show(self, event: Event) -> None:
-        self._shown = event.seq
+        self.shown = event.seq
         for listener in self._listeners:
             if held := self._catching_up.get(listener):
                 held.add(event.frame)
@@ -158,7 +159,7 @@ class Session:
         if replay is not None:
             held = self._catching_up[listener] = _Held()
             try:
-                async for event in replay(self._shown):
+                async for event in replay(self.shown):
                     if self._catching_up.get(listener) is not held:
                         return  # detached meanwhile, and perhaps attached anew
                     listener.deliver(event.frame)

@@ -111,7 +111,8 @@ class Event:
     def frame(self) -> bytes:
         """The notification as one line."""
         head = b'{"jsonrpc":"2.0","method":"session/update","params":{"sessionId":' + orjson.dumps(self.session_id)
-        return head + b',"update":' + self.raw + b',"_meta":{"robot-acp/seq":%d}}}\n' % self.seq
+        meta = orjson.dumps({"robot-acp/seq": self.seq, "robot-acp/at": self.time})
+        return head + b',"update":' + self.raw + b',"_meta":' + meta + b"}}\n"
 
 
 class Store:

@@ -10,15 +10,15 @@ import asyncio
 import logging
 import time
 import uuid
-from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 from backend.agent import commands, elicitation, export, model, present, prompts
-from backend.agent.chunks import Chunks
-from backend.agent.history import PLAN_TOOL, Message
+from backend.agent.history import PLAN_TOOL
+from backend.agent.inferences import Infer, Inferences
 from backend.agent.lease import Claim, Lease
 from backend.agent.permissions import Verdict
+from backend.agent.phases import Phase, Phases, phase_of
 from backend.agent.policy import MODES, Decision, Policy
 from backend.agent.robot_link import RobotLink
 from backend.agent.session import Listener, Session
@@ -33,8 +33,6 @@ _CUT: dict[model.CutReason, str] = {
     "max_tokens": "I stopped here: the model's answer got longer than it may be. Ask for a smaller part.",
     "refusal": "The model refused to go on with this.",
 }
-
-Infer = Callable[[str, list[Message], list[dict[str, Any]]], AsyncIterator[model.Part]]
 
 
 @dataclass(frozen=True)
@@ -74,15 +72,18 @@ class Turn:
     _claim: Claim | None = None
     _lost: str | None = None
     """Why the robot was taken away, as the first half of a sentence."""
-    _model: str | None = None
-    """What runs this turn, where it is not the session's model."""
     _named: str | None = None
-    _usage: present.Update | None = None
+    _phases: Phases = field(init=False)
+    """Begins with the turn, which may have waited for others before."""
+    _inferences: Inferences = field(init=False)
 
     async def run(self) -> str:
         """Run to the end and return ACP's stop reason. Being cancelled is one of the ends: it returns "cancelled"
         once the robot is at rest."""
         self.session.turn_id, self.session.turn_by = self.id, self.asker.name
+        self._phases = Phases()
+        bench = self.bench
+        self._inferences = Inferences(self.session, bench.infer, bench.thought_timeout_s, self._phases)
         reason = "cancelled"
         try:
             reason = await self._to_the_end()
@@ -90,10 +91,10 @@ class Turn:
             # Whatever happened: the robot is free for others, and everybody sees that the turn is over.
             if self._claim:
                 self.bench.lease.release(self._claim)
-            if self._usage:
-                self.session.record(self._usage)
+            if self._inferences.usage:
+                self.session.record(self._inferences.usage)
             self.session.turn_id = self.session.turn_by = None
-            self.session.record(present.turn_ended(self.id, reason))
+            self.session.record(present.turn_ended(self.id, reason, self._phases.seconds()))
         return reason
 
     async def _to_the_end(self) -> str:
@@ -116,7 +117,8 @@ class Turn:
         if said is not None:
             self.session.record(present.message(said))
         if self._acted:  # the next turn must not get a robot that still moves
-            await self.bench.link.at_rest()
+            with self._phases.during("navigation"):
+                await self.bench.link.at_rest()
         if self._lost is not None:
             self.session.record(present.message(f"{self._lost}, so I stopped here."))
         return reason
@@ -127,12 +129,13 @@ class Turn:
             self.session.record(present.message(own))
             return "end_turn"
         if command is not None:
-            self._model = model.OFFLINE_MODEL
+            self._inferences.other_model = model.OFFLINE_MODEL
         tools = await self.bench.tools.tools()
         if command is None:  # a command is the robot's own business
             tools = await self.session.offered.beside(tools)
         # Just after the start this takes seconds, which are not the thought's.
-        await model.ready()
+        with self._phases.during("inference"):
+            await model.ready()
         system = self._system(tools)
         wants_thought = self.session.row.thought and command is None
         thinking = asyncio.create_task(self._think(system, wants_thought), name="preliminary thought")
@@ -150,8 +153,7 @@ class Turn:
         schemas = [tool.schema for tool in tools.values()] + [prompts.PLAN_TOOL_SCHEMA, prompts.ASK_TOOL_SCHEMA]
         for _ in range(self.bench.max_steps):
             # The system message is made anew: the mode may have changed in mid-turn.
-            system = {"role": "system", "content": self._system(tools)}
-            calls, cut = await self._infer([system, *self.session.history.messages()], schemas, thinking)
+            calls, cut = await self._inferences.step(self._system(tools), schemas, thinking)
             if cut is not None:
                 # Nothing of an answer that is not whole is done: the rest could have changed its sense.
                 self.session.record(present.message(_CUT[cut]))
@@ -170,52 +172,11 @@ class Turn:
         return self.stopped
 
     async def _think(self, system: str, wanted: bool) -> None:
-        """The preliminary thought, and the session's name. That it fails is no reason not to go on."""
-        if not wanted:
-            self._tell_name()
-            return
-        messages = [{"role": "system", "content": prompts.thought(system)}, *self.session.history.messages()]
-        words = Chunks(lambda text: self.session.record(present.thought(text)))
-        try:
-            async with asyncio.timeout(self.bench.thought_timeout_s):
-                async for part in self.bench.infer(self._model or self.session.row.model, messages, []):
-                    if isinstance(part, model.Text):
-                        words.add(part.text)
-        except (TimeoutError, model.ModelError) as error:
-            log.info("no preliminary thought: %s", error or "too slow")
-        words.flush()
-        self._tell_name()  # only now, so that the thought is the first thing that people see of the turn
-
-    def _tell_name(self) -> None:
-        if self._named:
+        """The preliminary thought, and the session's name."""
+        if wanted:
+            await self._inferences.think(system)
+        if self._named:  # only now, so that the thought is the first thing that people see of the turn
             self.session.record(present.title(self._named))
-
-    async def _infer(
-        self, messages: list[Message], schemas: list[dict[str, Any]], thinking: asyncio.Task[None]
-    ) -> tuple[list[model.Call], model.CutReason | None]:
-        """One inference; what it says is shown as it comes, but never before the preliminary thought is."""
-        calls: list[model.Call] = []
-        cut: model.CutReason | None = None
-        said = Chunks(lambda text: self.session.record(present.message(text)))
-        thoughts = Chunks(lambda text: self.session.record(present.thought(text)))
-        async for part in self.bench.infer(self._model or self.session.row.model, messages, schemas):
-            await asyncio.wait([thinking])
-            match part:
-                case model.Text(text):
-                    thoughts.flush()
-                    said.add(text)
-                case model.Thinking(text):
-                    said.flush()
-                    thoughts.add(text)
-                case model.Call():
-                    calls.append(part)
-                case model.Usage(used, size):
-                    self._usage = present.usage(used, size)
-                case model.Cut(reason):
-                    cut = reason
-        thoughts.flush()
-        said.flush()
-        return calls, cut
 
     async def _run(self, call: model.Call, tools: dict[str, Tool]) -> None:
         if call.name == PLAN_TOOL and self._show_plan(call.arguments):
@@ -241,12 +202,13 @@ class Turn:
             arguments = arguments | {PREVIEW_ARGUMENT: True}
         looks = preview or tool.read_only is True
         status: present.ToolStatus = "in_progress" if looks else "pending"
-        self.session.record(present.tool_call(call_id, tool, arguments, status))
+        phase = phase_of(tool.traits, looks)
+        self.session.record(present.tool_call(call_id, tool, arguments, status, phase))
         if not looks:
             await self._take_control(call_id, tool)
         if not preview and not await self._allowed(call_id, tool, arguments):
             return
-        await self._execute(call_id, tool, arguments, looks)
+        await self._execute(call_id, tool, arguments, phase, looks)
 
     async def _take_control(self, call_id: str, tool: Tool) -> None:
         """Hold the robot from the first action to the end of the turn; wait, and say for whom, while another has it.
@@ -263,7 +225,8 @@ class Turn:
             owner = f"{holder.by} has" if holder else "somebody else has"
             why = f"waiting for the robot, which {owner} now"
             self.session.record(present.tool_waits(call_id, why, {"for": "robot"}))
-            await lease.wait(self._claim)
+            with self._phases.during("waiting"):
+                await lease.wait(self._claim)
 
     async def _allowed(self, call_id: str, tool: Tool, arguments: dict[str, Any]) -> bool:
         """Whether the call may run; if not, it has been ended with the reason."""
@@ -306,9 +269,10 @@ class Turn:
             self.session.record(present.tool_waits(call_id, "waiting for somebody who may allow it", waits))
         # A question must not overtake the announcement of the call that it is about.
         await self.session.flushed()
-        return await desk.ask(self.session.id, shown, tool.title, asker, not_by)
+        with self._phases.during("person"):
+            return await desk.ask(self.session.id, shown, tool.title, asker, not_by)
 
-    async def _execute(self, call_id: str, tool: Tool, arguments: dict[str, Any], looks: bool) -> None:
+    async def _execute(self, call_id: str, tool: Tool, arguments: dict[str, Any], phase: Phase, looks: bool) -> None:
         if not looks:
             self._acted = True
             self.session.record(present.tool_status(call_id, "in_progress"))
@@ -322,7 +286,8 @@ class Turn:
                 self.session.record(present.tool_progress(call_id, progress))
 
         server = self.bench.tools if tool.server is None else self.session.offered
-        result = await server.call(tool.name, arguments, show)
+        with self._phases.during(phase):
+            result = await server.call(tool.name, arguments, show)
         self._end(call_id, present.tool_result(call_id, result))
 
     def _lose(self, why: str) -> None:
@@ -347,12 +312,13 @@ class Turn:
         call_id = f"{self.id}.{self._calls}"
         self._open.append(call_id)
         asking = Tool(prompts.ASK_TOOL, "", {}, question, None, True)
-        shown = present.tool_call(call_id, asking, {}, "in_progress")
+        shown = present.tool_call(call_id, asking, {}, "in_progress", "person")
         self.session.record(shown | {"rawInput": {"question": question, "options": options}})
         try:
-            answer, by = await elicitation.choose(
-                self.session, self.origin, question, options, self.bench.answer_timeout_s
-            )
+            with self._phases.during("person"):
+                answer, by = await elicitation.choose(
+                    self.session, self.origin, question, options, self.bench.answer_timeout_s
+                )
         except elicitation.NoAnswerError as nobody:
             self._end(call_id, present.tool_status(call_id, "failed", str(nobody)))
         else:
@@ -362,17 +328,10 @@ class Turn:
 
     def _show_plan(self, arguments: dict[str, Any] | None) -> bool:
         """Show a plan; false when it is none, so that the model is told."""
-        entries = (arguments or {}).get("entries")
-        valid = isinstance(entries, list) and all(
-            isinstance(e, dict)
-            and isinstance(e.get("content"), str)
-            and e.get("status") in ("pending", "in_progress", "completed")
-            for e in entries
-        )
-        if not entries or not valid:
-            return False
-        self.session.record(present.plan(entries))
-        return True
+        shown = present.plan((arguments or {}).get("entries"))
+        if shown is not None:
+            self.session.record(shown)
+        return shown is not None
 
     def _system(self, tools: dict[str, Tool]) -> str:
         row = self.session.row

@@ -184,3 +184,15 @@ async def test_robot_leave(client: RecordedClient) -> None:
     assert client.updates("current_mode_update") == []
     await client.open_again("session/load")
     assert [update["currentModeId"] for update in client.updates("current_mode_update")] == ["observe"]
+
+
+@shows("_robot/events")
+async def test_robot_events(client: RecordedClient) -> None:
+    await client.new()
+    await client.of_session("session/set_mode", modeId="observe")
+    await client.of_session("session/set_mode", modeId="plan")
+    told = await client.of_session("_robot/events", after=1, limit=2)
+    assert [event["seq"] for event in told["events"]] == [2, 3]
+    assert told["last"] >= 3
+    with pytest.raises(Refused):
+        await client.of_session("_robot/events", after="the first")
