@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from backend.config import Limits
+from backend.config import Limits, Simulator
 from backend.mcp_robot.simulator import follower, planner
 from backend.mcp_robot.simulator.motions import Drive, Turn
 from backend.mcp_robot.simulator.simulation import FOOTPRINT_RADIUS, MAX_REROUTES, STEP, Simulation
@@ -178,7 +178,7 @@ def test_the_same_steps_give_the_same_states(office: World) -> None:
 
 
 def test_the_battery_drains_on_the_way_and_charges_at_the_dock(office: World) -> None:
-    simulation = Simulation(office, Limits(), battery_level=0.5)
+    simulation = Simulation(office, Limits(), settings=Simulator(battery=0.5))
     simulation.step()
     assert simulation.battery.charging
     assert simulation.battery.level > 0.5

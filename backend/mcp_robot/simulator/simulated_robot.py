@@ -55,14 +55,13 @@ class SimulatedRobot:
         name: str = "Sancho",
         time_scale: float = 1.0,
         seed: int = 0,
-        battery_level: float = 0.92,
         settings: Simulator | None = None,
         floor: OccupancyGrid | None = None,
     ) -> None:
         self.name = name
         self.footprint_radius = FOOTPRINT_RADIUS
         self.places: TopologicalMap = world.places
-        self.simulation = Simulation(world, limits, battery_level, seed=seed, settings=settings, floor=floor)
+        self.simulation = Simulation(world, limits, seed=seed, settings=settings, floor=floor)
         self.grid: OccupancyGrid = self.simulation.floor
         self.on_reroute: Callable[[Floats], None] = lambda _: None  # called with the new way of a drive
         self.lost = 0.0  # wall seconds that the machine was too slow for, which simulated time did not follow

@@ -68,7 +68,6 @@ class Simulation:
         self,
         world: World,
         limits: Limits,
-        battery_level: float = 0.92,
         *,
         seed: int = 0,
         settings: Simulator | None = None,
@@ -85,7 +84,7 @@ class Simulation:
         self.pose: Pose = world.start  # the true one, integrated by step
         self.twist = Twist(0.0, 0.0)  # what the wheels did in the last step
         self.odometer = 0.0  # m
-        self.battery = Accumulator(battery_level)
+        self.battery = Accumulator(settings.battery)
         self.motion: Drive | Turn | None = None  # set by begin, ends with its outcome and is dropped
         self.utterance: Utterance | None = None  # likewise
         tolerance = disturbances.BOUND * (settings.localisation_noise + settings.heading_noise)
