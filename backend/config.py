@@ -64,6 +64,7 @@ class Simulator(_Section):
     localisation_noise: float = Field(0.0, ge=0, le=0.2, description="standard deviation of the position error, m")
     heading_noise: float = Field(0.0, ge=0, le=0.1, description="standard deviation of the yaw error, rad")
     wheel_slip: float = Field(0.0, ge=0, le=0.5, description="share of their grip that the wheels lose at most")
+    battery: float = Field(0.92, ge=0, le=1, description="charge at the start")
     laser_rays: int = Field(360, ge=60, le=1440)
     battery: float = Field(0.92, gt=0, le=1, description="its charge at the start, from 0 to 1")
 
@@ -142,6 +143,7 @@ class Agent(_Section):
     permission_timeout: float = Field(60.0, gt=0, description="seconds; no answer in time is a refusal")
     thought_timeout: float = Field(5.0, gt=0, description="seconds that acting waits for the first thought")
     max_steps: int = Field(40, gt=0, description="inferences a turn")
+    preview: str = Field("plan_only", description="argument that lets a tool only compute its path; empty: none")
     pose_tool: str = Field("get_current_pose", description="tool that tells where a session started")
     places_tool: str = Field("get_topological_map", description="tool that tells the places that a kiosk suggests")
     unattended_after: float = Field(45.0, ge=0, description="seconds without anybody who may operate; 0 is never")

@@ -37,16 +37,27 @@ class Twist(msgspec.Struct, frozen=True):
 
 
 class Battery(msgspec.Struct, frozen=True):
-    """`level` from 0 to 1; `charging` while the robot stands at its dock."""
+    """`level` from 0 to 1; `charging` while the robot stands at its dock; `floor` the level below which only a dock
+    can be driven to, None where nobody says."""
 
     level: float
     charging: bool
+    floor: float | None = None
 
 
 class Stop(msgspec.Struct, frozen=True):
     """The stop latch: who set it, and when (Unix seconds)."""
 
     by: str
+    at: float
+
+
+class Halt(msgspec.Struct, frozen=True):
+    """A motion that ended by itself for safety's sake, and not because anybody wanted it: the stable code, the sentence
+    for people, and when (Unix seconds). docs/safety.md has the codes."""
+
+    code: str
+    text: str
     at: float
 
 
@@ -62,7 +73,8 @@ class Motion(msgspec.Struct, frozen=True):
 
 
 class State(Message, frozen=True, tag="state"):
-    """Where the robot is and what it is doing; sent at the subscriber's rate."""
+    """Where the robot is and what it is doing; sent at the subscriber's rate. `halted` is the latest motion, if it
+    ended by itself, and None again when the next one begins."""
 
     time: float
     robot: str
@@ -72,6 +84,7 @@ class State(Message, frozen=True, tag="state"):
     motion: Motion | None
     stop: Stop | None
     speaking: str | None
+    halted: Halt | None = None
 
 
 class Scan(Message, frozen=True, tag="scan"):

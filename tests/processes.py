@@ -125,18 +125,25 @@ class Watched:
     states: list[tuple[float, telemetry.State]] = field(default_factory=list)
     spoken: list[str] = field(default_factory=list)
     previews: int = 0
+    path: telemetry.Path | None = None
 
     def take(self, message: telemetry.AnyMessage) -> None:
         if isinstance(message, telemetry.State):
             self.states.append((time.monotonic(), message))
         elif isinstance(message, telemetry.Speech):
             self.spoken.append(message.text)
-        elif isinstance(message, telemetry.Path) and message.preview and message.points:
-            self.previews += 1
+        elif isinstance(message, telemetry.Path):
+            self.path = message
+            self.previews += bool(message.preview and message.points)
 
     @property
     def state(self) -> telemetry.State:
         return self.states[-1][1]
+
+    @property
+    def preview(self) -> list[tuple[float, float]]:
+        """The way that the robot shows without driving it; empty when it shows none."""
+        return self.path.points if self.path and self.path.preview else []
 
     @property
     def speed(self) -> float:

@@ -141,25 +141,36 @@ class PermissionDesk:
         return any(approver.name != not_by for approver in self._approvers) or self._may_come(not_by)
 
     async def ask(
-        self, session_id: str, tool_call: dict[str, Any], subject: str, asker: str, not_by: str | None = None
+        self,
+        session_id: str,
+        tool_call: dict[str, Any],
+        subject: str,
+        asker: str,
+        not_by: str | None = None,
+        preview: dict[str, Any] | None = None,
     ) -> Verdict:
         """Ask everyone who may approve but `not_by`, and wait for the first valid answer, at most for the time limit.
 
         With `not_by`, two people agree on this one call: no answer is offered that would count for later ones.
+        `subject` names what an "always" would count for, `preview` tells what would happen.
         Cancelling the call withdraws the question everywhere.
         """
         if not self.attended(not_by):
             return Verdict(False, "nobody")
         expires = datetime.now(UTC) + timedelta(seconds=self.timeout_s)
+        meta: dict[str, Any] = {
+            "robot-acp/expires": expires.isoformat(),
+            "robot-acp/timeout_s": self.timeout_s,
+            "robot-acp/asker": asker,
+            "robot-acp/subject": subject,
+        }
+        if preview is not None:
+            meta["robot-acp/preview"] = preview
         params = {
             "sessionId": session_id,
             "toolCall": tool_call,
             "options": options(subject, once=not_by is not None),
-            "_meta": {
-                "robot-acp/expires": expires.isoformat(),
-                "robot-acp/timeout_s": self.timeout_s,
-                "robot-acp/asker": asker,
-            },
+            "_meta": meta,
         }
         question = Question(params, asyncio.get_running_loop().create_future(), not_by)
         self._pending.append(question)

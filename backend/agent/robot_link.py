@@ -26,6 +26,7 @@ RATE_HZ = 20.0
 RETRY_S = 1.0
 REST_TIMEOUT_S = 5.0
 STALE_S = 1.0
+PREVIEW_TIMEOUT_S = 1.0
 
 Watcher = Callable[["telemetry.State | None"], None]
 
@@ -100,6 +101,16 @@ class RobotLink:
     async def release(self, by: str) -> dict[str, Any]:
         """Release the stop. Raises `RobotLinkError`."""
         return await self._post("/release", by)
+
+    async def forget_preview(self) -> None:
+        """Let the robot show a way that was only computed no longer; that it does not take it is no reason to fail."""
+        if self._base is None:
+            return
+        try:
+            async with httpx.AsyncClient(headers=self._headers, timeout=PREVIEW_TIMEOUT_S, trust_env=False) as client:
+                await client.delete(self._base + "/preview")
+        except httpx.HTTPError as error:
+            log.info("the preview could not be taken back: %s", type(error).__name__)
 
     async def _post(self, path: str, by: str) -> dict[str, Any]:
         if self._base is None:

@@ -150,6 +150,7 @@ async def _house(settings: Settings) -> AsyncIterator[House]:
             max_steps=agent.max_steps,
             answer_timeout_s=agent.permission_timeout,
             four_eyes=frozenset(agent.four_eyes),
+            preview=agent.preview,
         ),
         models=tuple(dict.fromkeys([agent.model, *agent.models, model.OFFLINE_MODEL])),
         offers=offers,

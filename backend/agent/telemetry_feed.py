@@ -40,7 +40,7 @@ class TelemetryFeed:
             return
         now = time.monotonic()
         # A change that people wait for goes out at once; the rest at the asked rate.
-        key = (state is None, state and (state.stop, state.motion is None, state.speaking))
+        key = (state is None, state and (state.stop, state.motion is None, state.speaking, state.halted))
         if key == self._sent_key and now - self._sent_at < self._every_s:
             return
         self._sent_at, self._sent_key = now, key
@@ -63,5 +63,6 @@ class TelemetryFeed:
             "motion": msgspec.to_builtins(state.motion),
             "stop": msgspec.to_builtins(state.stop),
             "speaking": state.speaking,
+            "halted": msgspec.to_builtins(state.halted),
             "turn": turn,
         }

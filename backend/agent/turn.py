@@ -13,7 +13,7 @@ import uuid
 from dataclasses import dataclass, field
 from typing import Any
 
-from backend.agent import commands, elicitation, export, model, present, prompts
+from backend.agent import commands, elicitation, export, model, present, preview, prompts
 from backend.agent.history import PLAN_TOOL
 from backend.agent.inferences import Infer, Inferences
 from backend.agent.lease import Claim, Lease
@@ -51,6 +51,8 @@ class Workbench:
     answer_timeout_s: float
     four_eyes: frozenset[str] = frozenset()
     """Tools that somebody else than the asker must approve."""
+    preview: str = PREVIEW_ARGUMENT
+    """The argument with which a tool only shows what it would do, before people are asked; empty: none does."""
     infer: Infer = model.stream
 
 
@@ -197,16 +199,16 @@ class Turn:
             return
         arguments = call.arguments
         mode = self.session.row.mode
-        preview = self.bench.policy.previews(mode, tool.traits)
-        if preview:
+        shows = self.bench.policy.previews(mode, tool.traits)
+        if shows:
             arguments = arguments | {PREVIEW_ARGUMENT: True}
-        looks = preview or tool.read_only is True
+        looks = shows or tool.read_only is True
         status: present.ToolStatus = "in_progress" if looks else "pending"
         phase = phase_of(tool.traits, looks)
         self.session.record(present.tool_call(call_id, tool, arguments, status, phase))
         if not looks:
             await self._take_control(call_id, tool)
-        if not preview and not await self._allowed(call_id, tool, arguments):
+        if not shows and not await self._allowed(call_id, tool, arguments):
             return
         await self._execute(call_id, tool, arguments, phase, looks)
 
@@ -238,7 +240,11 @@ class Turn:
             return False
         if decision == "allow":
             return True
-        verdict = await self._ask(call_id, tool, arguments)
+        try:
+            verdict = self._remembered(tool) or await self._ask(call_id, tool, arguments)
+        except preview.Refused as refused:
+            self._end(call_id, present.tool_result(call_id, refused.result))
+            return False
         if not verdict.allowed:
             self._end(call_id, present.tool_status(call_id, "failed", verdict.refusal, verdict))
             return False
@@ -253,24 +259,32 @@ class Turn:
         row = self.session.row
         return self.bench.policy.decide(row.mode, tool.traits, self.asker.role, row.motion_asks)
 
-    async def _ask(self, call_id: str, tool: Tool, arguments: dict[str, Any]) -> Verdict:
-        four_eyes = tool.name in self.bench.four_eyes
+    def _remembered(self, tool: Tool) -> Verdict | None:
         remembered = self.session.remembered.get(tool.name)
-        if remembered is False or (remembered and not four_eyes):
-            return Verdict(remembered, "remembered", "allow_always" if remembered else "reject_always")
+        if remembered is None or (remembered and tool.name in self.bench.four_eyes):
+            return None
+        return Verdict(remembered, "remembered", "allow_always" if remembered else "reject_always")
+
+    async def _ask(self, call_id: str, tool: Tool, arguments: dict[str, Any]) -> Verdict:
+        """What people say to the call, who see what it would do. Raises `preview.Refused`, and then asks nobody."""
+        bench = self.bench
         shown = present.tool_call(call_id, tool, arguments, "pending")
         del shown["sessionUpdate"]
         asker = self.asker.name
-        not_by = asker if four_eyes else None
+        not_by = asker if tool.name in bench.four_eyes else None
         desk = self.session.desk
-        if desk.attended(not_by):
+        if not desk.attended(not_by):
+            return Verdict(False, "nobody")
+        async with preview.shown(bench.tools, bench.link, bench.preview, tool, arguments) as view:
             # Those who are not asked, as the visitor who wants it, see why nothing happens.
             waits = {"for": "permission", "timeout_s": desk.timeout_s}
             self.session.record(present.tool_waits(call_id, "waiting for somebody who may allow it", waits))
-        # A question must not overtake the announcement of the call that it is about.
-        await self.session.flushed()
-        with self._phases.during("person"):
-            return await desk.ask(self.session.id, shown, tool.title, asker, not_by)
+            # A question must not overtake the announcement of the call that it is about.
+            await self.session.flushed()
+            with self._phases.during("person"):
+                verdict = await desk.ask(self.session.id, shown, tool.title, asker, not_by, view.meta)
+            view.stays = verdict.allowed and self._decide(tool) != "deny"
+        return verdict
 
     async def _execute(self, call_id: str, tool: Tool, arguments: dict[str, Any], phase: Phase, looks: bool) -> None:
         if not looks:

@@ -43,6 +43,10 @@ def create_app(pilot: Pilot, tools: RobotServer, token: bytes, host: str) -> Sta
             return JSONResponse({"error": sentence}, 500)
         return JSONResponse({"stopped": None})
 
+    async def forget_preview(request: Request) -> JSONResponse:
+        pilot.forget_preview()
+        return JSONResponse({"preview": None})
+
     # Access has checked Host and Origin already, and for more than loopback.
     security = TransportSecuritySettings(enable_dns_rebinding_protection=False)
     mcp = tools.streamable_http_app(transport_security=security, host=host)
@@ -57,6 +61,7 @@ def create_app(pilot: Pilot, tools: RobotServer, token: bytes, host: str) -> Sta
             Route("/health", health),
             Route("/stop", stop, methods=["POST"]),
             Route("/release", release, methods=["POST"]),
+            Route("/preview", forget_preview, methods=["DELETE"]),
             WebSocketRoute("/telemetry", stream.serve),
             *mcp.routes,
         ],

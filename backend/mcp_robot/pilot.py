@@ -15,6 +15,7 @@ from collections.abc import Callable, Coroutine, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NoReturn
 
+import msgspec
 import numpy as np
 
 from backend.config import Limits
@@ -25,7 +26,7 @@ from backend.mcp_robot.places import at_dock
 from backend.mcp_robot.refusal import Halted, Refusal
 from backend.mcp_robot.robot import Picture, Robot, Route, Sound
 from backend.mcp_robot.stop import StopLatch
-from backend.telemetry import Motion, Path, Place, Pose, Speech, State, Stop, Zone
+from backend.telemetry import Halt, Motion, Path, Place, Pose, Speech, State, Stop, Zone
 
 logger = logging.getLogger(__name__)
 
@@ -33,6 +34,8 @@ MOST_PLANS = 2
 """Ways that are sought at the same time: more would take the processor from the guard."""
 STALE_AFTER = 1.0
 """Seconds on the robot's clock after which a pose is old."""
+PROTECTIVE = frozenset({"blocked", "lost"})
+"""Codes with which a robot itself ends a motion for safety's sake; any other is a failure of its parts."""
 REST_TIME = 3.0
 """Seconds that a robot may take to come to rest before whoever it refused is answered all the same."""
 
@@ -76,6 +79,7 @@ class Pilot:
         self._intent: _Intent | None = None  # from a motion's first rule to its end
         self._planners = asyncio.Semaphore(MOST_PLANS)
         self._brakings = 0  # how often brake was called: what began before one must not go on after it
+        self.halted: Halt | None = None  # from a motion that ended by itself for safety's sake to the next one's begin
         self.speaking: str | None = None  # what is being said, while it is
         self.path = Path(robot.clock(), [])  # latest planned path, replaced on change
         self.speech: Speech | None = None  # latest sentence begun, replaced on change
@@ -99,8 +103,9 @@ class Pilot:
         """Everything that changes all the time, as telemetry."""
         robot = self.robot
         return State(
-            robot.clock(), robot.name, robot.fix.pose, robot.twist, robot.battery,
-            self.motion, self.stopped, self.speaking,
+            robot.clock(), robot.name, robot.fix.pose, robot.twist,
+            msgspec.structs.replace(robot.battery, floor=self.limits.battery_floor),
+            self.motion, self.stopped, self.speaking, self.halted,
         )  # fmt: skip
 
     async def plan(self, goal: Pose, *, final_yaw: bool) -> Route:
@@ -111,18 +116,26 @@ class Pilot:
             self._show(route.points, preview=True)
         return route
 
+    def forget_preview(self) -> None:
+        """Show a way that was only computed no longer; one that is being driven stays."""
+        if self.path.preview:
+            self._show((), preview=False)
+
     async def navigate(self, goal: Pose, *, final_yaw: bool, place: Place | None = None) -> tuple[Route, Leg]:
         """Drive to a goal; returns there. Raises `Refusal`. Cancelling brakes."""
         safety.finite(x=goal.x, y=goal.y, yaw=goal.yaw)
-        with self._motion(_Intent("navigate", goal, place.name if place else None), goal) as brakings:
-            route = await self._plan(goal, final_yaw)
-            self._not_braked_since(brakings)
-            self._show(route.points, preview=False)
-            try:
-                to_dock = at_dock(goal, self.robot.places)
-                return route, await self._run(self.robot.drive(route), brakings, to_dock=to_dock)
-            finally:
-                self._show((), preview=False)
+        try:
+            with self._motion(_Intent("navigate", goal, place.name if place else None), goal) as brakings:
+                route = await self._plan(goal, final_yaw)
+                self._not_braked_since(brakings)
+                self._show(route.points, preview=False)
+                try:
+                    to_dock = at_dock(goal, self.robot.places)
+                    return route, await self._run(self.robot.drive(route), brakings, to_dock=to_dock)
+                finally:
+                    self._show((), preview=False)
+        finally:
+            self.forget_preview()  # of a drive that was refused before it had a way of its own
 
     async def rotate(self, degrees: float) -> Leg:
         """Turn on the spot, counter-clockwise positive; returns when done. Raises `Refusal`. Cancelling brakes."""
@@ -187,6 +200,11 @@ class Pilot:
         self._latch.release()
         self.robot.hold(False)
 
+    def halted_by(self, refusal: Refusal) -> None:
+        """The safety layer ends the motion under way, and people have not: telemetry tells it until the next one."""
+        if self._intent is not None:
+            self.halted = Halt(refusal.code, refusal.sentence, time.time())
+
     def rerouted(self, points: Floats) -> None:
         """The robot took another way, shape (n, 2), for the drive under way: held to the same rules, and shown."""
         try:
@@ -231,12 +249,15 @@ class Pilot:
                 await asyncio.wait({moving}, timeout=PERIOD)
         except BaseException as reason:
             robot.halt()
+            if isinstance(reason, Refusal):
+                self.halted_by(reason)
             await self._rest(moving, reason)
             motion.close()  # for one that was ended before its first step
             raise
         if self._veto and moving.exception():
+            self.halted_by(self._veto)
             raise self._veto from moving.exception()
-        moving.result()
+        self._result(moving)
         return Leg(robot.fix.pose, robot.odometer - driven, robot.clock() - began)
 
     async def _begin(self, motion: Coroutine[Any, Any, None], brakings: int) -> None:
@@ -247,6 +268,14 @@ class Pilot:
             motion.close()
             raise
         await motion
+
+    def _result(self, moving: asyncio.Future[None]) -> None:
+        try:
+            moving.result()
+        except Refusal as refusal:
+            if refusal.code in PROTECTIVE:
+                self.halted_by(refusal)
+            raise
 
     async def _rest(self, moving: asyncio.Future[None], reason: BaseException) -> None:
         """Let a motion that was told to halt end: whoever was refused hears of it at rest."""
@@ -266,7 +295,7 @@ class Pilot:
         safety.idle(self._intent.activity if self._intent else None)
         safety.battery_suffices(self.robot.battery, goal, self.robot.places, self.limits)
         self._motions.take(self.robot.clock())
-        self._intent, self._veto = intent, None
+        self._intent, self._veto, self.halted = intent, None, None
         arrived = False
         try:
             yield self._brakings

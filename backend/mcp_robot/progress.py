@@ -39,7 +39,8 @@ async def accompanied(
     watchdog.admit(context, limits)
     try:
         async with asyncio.TaskGroup() as group:
-            tasks = [group.create_task(_watch(context)), group.create_task(watchdog.watch(context, callers, limits))]
+            heard = group.create_task(_listen(context, callers, limits, moving))
+            tasks = [group.create_task(_watch(context)), heard]
             if moving:
                 tasks.append(group.create_task(_report(context, moving)))
             yield
@@ -64,6 +65,15 @@ async def _report(context: Context, pilot: Pilot) -> None:
             done = 1.0 - left.seconds / whole if whole else 1.0
             await context.report_progress(done, 1.0, message(left))
         await asyncio.sleep(INTERVAL if left else 0.05)
+
+
+async def _listen(context: Context, callers: watchdog.Callers, limits: Limits, moving: Pilot | None) -> None:
+    try:
+        await watchdog.watch(context, callers, limits)
+    except Refusal as silence:
+        if moving:
+            moving.halted_by(silence)
+        raise
 
 
 async def _watch(context: Context) -> None:

@@ -93,7 +93,7 @@ class Reader:
         return found
 
 
-CONTRACT = {"test_tools", "test_stop", "test_telemetry_stream"}
+CONTRACT = {"test_tools", "test_stop", "test_telemetry_stream", "test_halted"}
 """Modules whose tests hold for any robot: they are run against each, unchanged."""
 
 

@@ -8,13 +8,14 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import math
+import time
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from backend.config import Limits
+from backend.config import Limits, Simulator
 from backend.mcp_robot import guard
 from backend.mcp_robot.pilot import Pilot
 from backend.mcp_robot.refusal import Refusal
@@ -35,6 +36,7 @@ class Faulty(SimulatedRobot):
     def __init__(self, world: World, limits: Limits, time_scale: float = 4.0) -> None:
         super().__init__(world, limits, time_scale=time_scale)
         self.faulty = False  # set by a test
+        self.pilot: Pilot | None = None  # who drives it, set by `driving`
         self.wrong_fix: Callable[[Fix], Fix] = lambda fix: fix
         self.wrong_scan: Callable[[Scan], Scan] = lambda scan: scan
         self.other_way: list[tuple[float, float]] | None = None
@@ -58,6 +60,7 @@ class Faulty(SimulatedRobot):
 @contextlib.asynccontextmanager
 async def driving(robot: Faulty, pilot: Pilot, goal: Pose = LAB) -> AsyncIterator[asyncio.Task[object]]:
     """Inside, the robot is on its way and moves."""
+    robot.pilot = pilot
     async with robot.running():
         task: asyncio.Task[object] = asyncio.create_task(pilot.navigate(goal, final_yaw=False))
         while robot.twist.linear < 0.3 and not task.done():
@@ -65,12 +68,16 @@ async def driving(robot: Faulty, pilot: Pilot, goal: Pose = LAB) -> AsyncIterato
         yield task
 
 
-async def refusal_of(task: asyncio.Task[object], robot: SimulatedRobot) -> str:
-    """The code that the motion ends with; the robot is at rest by then."""
+async def refusal_of(task: asyncio.Task[object], robot: Faulty) -> str:
+    """The code that the motion ends with; the robot is at rest by then, and telemetry tells why."""
     with pytest.raises(Refusal) as refused:
         await task
     assert robot.twist == Twist(0.0, 0.0)
     assert robot.remaining is None
+    halted = robot.pilot and robot.pilot.state().halted
+    assert halted is not None
+    assert (halted.code, halted.text) == (refused.value.code, refused.value.sentence)
+    assert halted.at == pytest.approx(time.time(), abs=30)
     return refused.value.code
 
 
@@ -224,6 +231,17 @@ def test_an_old_scan_makes_the_way_longer_that_has_to_be_free(age: float, blocke
 def test_a_scan_without_readings_is_no_free_floor() -> None:
     with pytest.raises(Refusal, match=r"^blind: The laser has no readings"):
         guard.sighted(Scan(10.0, Pose(0, 0, 0), -math.pi, math.tau, 0.0, []), 10.0, Limits())
+
+
+async def test_a_robot_that_gives_up_before_a_closed_door_is_told_as_halted(office: World, tmp_path: Path) -> None:
+    robot = SimulatedRobot(office, Limits(), time_scale=20.0, settings=Simulator(closed_doors=["lab-2.3.6"]))
+    pilot = Pilot(robot, StopLatch(tmp_path), Limits())
+    async with robot.running():
+        with pytest.raises(Refusal, match=r"^blocked: "):
+            await pilot.navigate(Pose(7.2, 4.0, 0.0), final_yaw=False)
+        halted = pilot.state().halted
+        assert halted is not None
+        assert halted.code == "blocked"
 
 
 async def test_a_robot_that_does_nothing_wrong_never_hears_of_the_guard(office: World, tmp_path: Path) -> None:

@@ -23,6 +23,12 @@ export interface Decision {
   reason: string;
 }
 
+/** What a call would do; a length in m and a time in s where the robot tells them. */
+export interface Preview {
+  pathLength: number | null;
+  seconds: number | null;
+}
+
 export type Waiting = "permission" | "robot";
 
 export function isRecord(value: unknown): value is Record<string, unknown> {
@@ -71,6 +77,22 @@ export function waitingOf(meta: Meta): Waiting | null {
   const waiting = meta?.["robot-acp/waiting"];
   const reason = isRecord(waiting) ? waiting["for"] : null;
   return reason === "permission" || reason === "robot" ? reason : null;
+}
+
+/** The way that was computed for a question; null when none was. */
+export function previewOf(meta: Meta): Preview | null {
+  const preview = meta?.["robot-acp/preview"];
+  if (!isRecord(preview)) return null;
+  return { pathLength: asNumber(preview["path_length"]), seconds: asNumber(preview["seconds"]) };
+}
+
+/** Tool name to whether it is allowed; null when the answer does not say. */
+export function rememberedOf(meta: Meta): Record<string, boolean> | null {
+  const remembered = meta?.["robot-acp/remembered"];
+  if (!isRecord(remembered)) return null;
+  return Object.fromEntries(
+    Object.entries(remembered).filter((entry): entry is [string, boolean] => typeof entry[1] === "boolean"),
+  );
 }
 
 export function decisionOf(meta: Meta): Decision | null {

@@ -5,7 +5,7 @@
 import type { RequestPermissionRequest, RequestPermissionResponse } from "@agentclientprotocol/sdk";
 import i18next from "../i18n";
 import { getState, setState, toast, type Question } from "../state/store";
-import { asNumber, asString, type Decision } from "./meta";
+import { asNumber, asString, previewOf, type Decision } from "./meta";
 
 const CANCELLED: RequestPermissionResponse = { outcome: { outcome: "cancelled" } };
 
@@ -36,6 +36,9 @@ export function ask(
       toolCallId,
       title: request.toolCall.title ?? titleOf(request.sessionId, toolCallId),
       asker: asString(request._meta?.["robot-acp/asker"]),
+      subject: asString(request._meta?.["robot-acp/subject"]),
+      input: request.toolCall.rawInput,
+      preview: previewOf(request._meta),
       options: request.options,
       expiresAt: expiry(request._meta?.["robot-acp/expires"], timeoutS),
       timeoutS,

@@ -27,6 +27,14 @@ export interface Stop {
   at: number;
 }
 
+/** A motion that ended by itself for safety's sake. */
+export interface Halt {
+  code: string;
+  text: string;
+  /** Unix seconds. */
+  at: number;
+}
+
 export interface Telemetry {
   robot: string | null;
   online: boolean;
@@ -37,9 +45,12 @@ export interface Telemetry {
   /** From 0 to 1. */
   battery: number | null;
   charging: boolean;
+  /** The level below which only a dock can be driven to; null where nobody says. */
+  batteryFloor: number | null;
   motion: Motion | null;
   stop: Stop | null;
   speaking: string | null;
+  halted: Halt | null;
   turn: { sessionId: string; by: string } | null;
 }
 
@@ -51,9 +62,11 @@ const SILENT: Telemetry = {
   angular: null,
   battery: null,
   charging: false,
+  batteryFloor: null,
   motion: null,
   stop: null,
   speaking: null,
+  halted: null,
   turn: null,
 };
 
@@ -84,6 +97,14 @@ export function parseStop(value: unknown): Stop | null {
   };
 }
 
+function parseHalt(value: unknown): Halt | null {
+  if (!isRecord(value)) return null;
+  const at = asNumber(value["at"]);
+  return at === null
+    ? null
+    : { code: asString(value["code"]) ?? "", text: asString(value["text"]) ?? "", at };
+}
+
 export function parseTelemetry(params: unknown): Telemetry {
   if (!isRecord(params) || params["online"] !== true) {
     const turn = isRecord(params) ? parseTurn(params["turn"]) : null;
@@ -99,9 +120,11 @@ export function parseTelemetry(params: unknown): Telemetry {
     angular: asNumber(twist["angular"]),
     battery: asNumber(battery["level"]),
     charging: battery["charging"] === true,
+    batteryFloor: asNumber(battery["floor"]),
     motion: parseMotion(params["motion"]),
     stop: parseStop(params["stop"]),
     speaking: asString(params["speaking"]),
+    halted: parseHalt(params["halted"]),
     turn: parseTurn(params["turn"]),
   };
 }

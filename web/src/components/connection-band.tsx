@@ -10,35 +10,30 @@ export function ConnectionBand() {
   const link = useStore((state) => state.link);
   const reachable = useStore((state) => state.reachable);
   const agentUp = useStore((state) => state.health?.agent.up ?? true);
-  const robotDown = useStore(
-    (state) => state.health?.robot.up === false || state.telemetry?.online === false,
+  const why = !reachable ? "network" : agentUp ? null : "agent";
+  return (
+    <section className="band band-plain" data-testid="connection-band" role="status">
+      <CloudOff aria-hidden />
+      <p>
+        <strong>{t("connection.lost")}</strong> {why !== null && <>{t(`connection.${why}`)} </>}
+        {link.status === "waiting" ? <Countdown until={link.retryAt} /> : t("connection.now")}
+      </p>
+      <button type="button" className="button on-plain" onClick={tryNow}>
+        {t("connection.tryNow")}
+      </button>
+    </section>
   );
-  const robot = useStore(robotName);
+}
 
-  if (link.status === "waiting" || (link.status === "connecting" && !link.first)) {
-    const why = !reachable ? "network" : agentUp ? null : "agent";
-    return (
-      <section className="band band-plain" data-testid="connection-band" role="status">
-        <CloudOff aria-hidden />
-        <p>
-          <strong>{t("connection.lost")}</strong> {why !== null && <>{t(`connection.${why}`)} </>}
-          {link.status === "waiting" ? <Countdown until={link.retryAt} /> : t("connection.now")}
-        </p>
-        <button type="button" className="button on-plain" onClick={tryNow}>
-          {t("connection.tryNow")}
-        </button>
-      </section>
-    );
-  }
-  if (link.status === "online" && robotDown) {
-    return (
-      <section className="band band-plain" data-testid="robot-band" role="status">
-        <Unplug aria-hidden />
-        <p>{t("connection.robot", { robot })}</p>
-      </section>
-    );
-  }
-  return null;
+export function RobotBand() {
+  const { t } = useTranslation();
+  const robot = useStore(robotName);
+  return (
+    <section className="band band-plain" data-testid="robot-band" role="status">
+      <Unplug aria-hidden />
+      <p>{t("connection.robot", { robot })}</p>
+    </section>
+  );
 }
 
 /** Not announced each second: the band as a whole was. */

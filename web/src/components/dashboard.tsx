@@ -4,12 +4,11 @@ import { useTranslation } from "react-i18next";
 import { startDashboard } from "../acp/dashboard";
 import { useLayout } from "../hooks/use-media";
 import { robotName, useStore } from "../state/store";
-import { ConnectionBand } from "./connection-band";
+import { Alerts } from "./alerts";
 import { Header } from "./header";
 import { PhoneTabs, type Tab } from "./phone-tabs";
 import { ScenePane } from "./scene-pane";
 import { SessionDrawer, SessionPane } from "./session-pane";
-import { StopBand, StopFailed } from "./stop-band";
 import { TalkPane } from "./talk-pane";
 import { Toasts } from "./toasts";
 import { focusQuestion } from "./question-card";
@@ -37,11 +36,7 @@ export default function Dashboard() {
         {t("app.skip")}
       </a>
       <Header layout={layout} onMenu={() => setDrawer(true)} onQuestion={showQuestion} />
-      <div className="bands">
-        <StopFailed />
-        <StopBand />
-        <ConnectionBand />
-      </div>
+      <Alerts />
       <main className="panes" data-tab={tab}>
         {layout === "wide" && <SessionPane onChosen={() => undefined} />}
         {phone && tab === "sessions" && <SessionPane onChosen={() => setTab("talk")} />}

@@ -20,6 +20,9 @@ const QUESTION: Question = {
   toolCallId: "c3",
   title: "Say aloud: “The meeting is at noon.”",
   asker: "Ana",
+  subject: "Say something aloud",
+  input: { text: "The meeting is at noon." },
+  preview: null,
   options: [
     { optionId: "allow_once", name: "Allow", kind: "allow_once" },
     { optionId: "allow_always", name: "Allow speech in this session", kind: "allow_always" },

@@ -2,15 +2,20 @@
  * The pending question, pinned above the field to write in. Allowing takes an act of will: the focus is on "Don't",
  * Allow is dead for the first moment, and no key that was meant for something else reaches it.
  */
-import { ShieldQuestion } from "lucide-react";
-import { Checkbox } from "radix-ui";
-import { Check } from "lucide-react";
+import { BellRing, Route, ShieldQuestion, Volume2, VolumeX } from "lucide-react";
 import { useEffect, useId, useRef, useState, type MouseEvent } from "react";
 import { useTranslation } from "react-i18next";
 import type { PermissionOption } from "@agentclientprotocol/sdk";
+import { askAllowance, useAllowance } from "../attention/notification";
+import { change, useAttentionSettings } from "../attention/settings";
+import { useAttention } from "../attention/use-attention";
 import { useNow } from "../hooks/use-now";
+import { fixed, metres } from "../i18n/format";
 import { canApprove } from "../state/rights";
 import { robotName, useMe, useStore, type Question } from "../state/store";
+import { untold } from "../state/untold";
+import { DataView } from "./data-view";
+import { Tick } from "./tick";
 import { COMPOSER_ID, useComposerText } from "./composer-text";
 
 const DEAD_MS = 400;
@@ -28,6 +33,7 @@ export function QuestionDock() {
   const me = useMe();
   const question = useStore((state) => state.questions[0] ?? null);
   const count = useStore((state) => state.questions.length);
+  useAttention(focusQuestion);
   const waits = useStore((state) => {
     const conversation = state.currentId === null ? undefined : state.conversations[state.currentId];
     const last = conversation?.turn ? conversation.items.findLast((item) => item.kind === "tool") : undefined;
@@ -63,7 +69,7 @@ export function QuestionCard({ question, count }: { question: Question; count: n
   const [alive, setAlive] = useState(false);
   const [every, setEvery] = useState(false);
   const bornAt = useRef(0);
-  const ids = { title: useId(), text: useId(), every: useId() };
+  const ids = { title: useId(), text: useId(), what: useId() };
   const always = pick(question.options, true);
   const chosen = pick(question.options, every);
 
@@ -95,7 +101,7 @@ export function QuestionCard({ question, count }: { question: Question; count: n
       role="alertdialog"
       aria-modal="false"
       aria-labelledby={ids.title}
-      aria-describedby={ids.text}
+      aria-describedby={`${ids.text} ${ids.what}`}
       data-testid="permission"
     >
       <div className="question-head">
@@ -103,12 +109,16 @@ export function QuestionCard({ question, count }: { question: Question; count: n
         <h2 id={ids.title}>{t("question.asks", { robot })}</h2>
         <QuestionPlace question={question} />
         {count > 1 && <span className="muted">{t("question.of", { at: 1, all: count })}</span>}
+        <CallButtons />
       </div>
       {/* A long text scrolls; whoever has only a keyboard must be able to read it to its end. */}
       {/* eslint-disable-next-line jsx-a11y/no-noninteractive-tabindex */}
       <p className="question-text" id={ids.text} tabIndex={0}>
         {question.title === "" ? t("question.untitled") : question.title}
       </p>
+      <div id={ids.what}>
+        <What question={question} />
+      </div>
       <p className="question-meta muted">
         {question.asker !== null && (
           <span>
@@ -120,24 +130,14 @@ export function QuestionCard({ question, count }: { question: Question; count: n
         )}
       </p>
       <div className="question-actions">
-        {always.allow !== undefined && (
-          <div className="check">
-            <Checkbox.Root
-              id={ids.every}
-              className="checkbox"
-              checked={every}
-              onCheckedChange={(value) => setEvery(value === true)}
-              data-testid="permission-every"
-            >
-              <Checkbox.Indicator>
-                <Check aria-hidden />
-              </Checkbox.Indicator>
-            </Checkbox.Root>
-            <label htmlFor={ids.every} title={always.allow.name}>
-              {t("question.every")}
-            </label>
-          </div>
-        )}
+        <div className="question-rule">
+          {always.allow !== undefined && (
+            <Tick label={t("question.every")} checked={every} onChange={setEvery} testId="permission-every" />
+          )}
+          <p className="muted small" data-testid="permission-rule" role="status">
+            {every ? t("question.rule", { what: question.subject ?? question.title }) : t("question.once")}
+          </p>
+        </div>
         <div className="question-buttons">
           <button
             type="button"
@@ -146,7 +146,7 @@ export function QuestionCard({ question, count }: { question: Question; count: n
             data-testid="permission-reject"
             onClick={refuse}
           >
-            {t("question.dont")}
+            {t(every ? "question.never" : "question.dont")}
           </button>
           <button
             type="button"
@@ -155,11 +155,64 @@ export function QuestionCard({ question, count }: { question: Question; count: n
             disabled={!alive || chosen.allow === undefined}
             onClick={() => answer(chosen.allow)}
           >
-            {t("question.allow")}
+            {t(every ? "question.allowEvery" : "question.allow")}
           </button>
         </div>
       </div>
     </section>
+  );
+}
+
+/** What the title does not say: how far it is and where the way is drawn, and every other argument of the call. */
+function What({ question }: { question: Question }) {
+  const { t } = useTranslation();
+  const { preview } = question;
+  const rest = untold(question.title, question.input);
+  return (
+    <>
+      {preview !== null && (
+        <p className="question-way" data-testid="permission-preview">
+          <Route aria-hidden />
+          <span>
+            {preview.pathLength !== null && `${metres(preview.pathLength)}, `}
+            {preview.seconds !== null && `${t("question.about", { seconds: fixed(preview.seconds, 0) })}, `}
+            {t("question.drawn")}
+          </span>
+        </p>
+      )}
+      {Object.keys(rest).length > 0 && (
+        <div className="question-arguments" data-testid="permission-arguments">
+          <DataView value={rest} />
+        </div>
+      )}
+    </>
+  );
+}
+
+/** How this browser calls for the next question, where somebody notices that it did or did not. */
+function CallButtons() {
+  const { t } = useTranslation();
+  const sound = useAttentionSettings((settings) => settings.sound);
+  const allowance = useAllowance((state) => state.allowance);
+  return (
+    <span className="question-calls">
+      {allowance === "default" && (
+        <button type="button" className="button quiet" onClick={() => void askAllowance()}>
+          <BellRing aria-hidden /> {t("attention.notifyMe")}
+        </button>
+      )}
+      <button
+        type="button"
+        className="icon-button"
+        aria-pressed={sound}
+        aria-label={t("attention.sound")}
+        title={t(sound ? "attention.soundOn" : "attention.soundOff")}
+        data-testid="permission-sound"
+        onClick={() => change({ sound: !sound })}
+      >
+        {sound ? <Volume2 aria-hidden /> : <VolumeX aria-hidden />}
+      </button>
+    </span>
   );
 }
 

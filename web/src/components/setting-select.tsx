@@ -6,6 +6,7 @@ import { choose } from "../acp/sessions";
 import { canConfigure } from "../state/rights";
 import { modelSetting, modeSetting, type Setting } from "../state/settings";
 import { useConversation, useMe, useStore } from "../state/store";
+import { QuestionSettings } from "./question-settings";
 
 export function SettingSelects() {
   const { t } = useTranslation();
@@ -21,6 +22,7 @@ export function SettingSelects() {
       {model && (
         <SettingSelect testId="model" label={t("settings.model")} setting={model} disabled={disabled} />
       )}
+      <QuestionSettings />
     </>
   );
 }

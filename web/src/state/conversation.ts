@@ -82,6 +82,8 @@ export interface Conversation {
   title: string | null;
   modes: Modes | null;
   options: SessionConfigOption[];
+  /** Tools for which an answer counts for the rest of the session: allowed, or refused. */
+  remembered: Record<string, boolean>;
 }
 
 export const EMPTY: Conversation = {
@@ -92,4 +94,5 @@ export const EMPTY: Conversation = {
   title: null,
   modes: null,
   options: [],
+  remembered: {},
 };

@@ -12,7 +12,17 @@ import type {
   ToolCall,
   ToolCallUpdate,
 } from "@agentclientprotocol/sdk";
-import { authorOf, decisionOf, progressOf, seqOf, toolOf, turnOf, waitingOf } from "../acp/meta";
+import {
+  authorOf,
+  decisionOf,
+  progressOf,
+  rememberedOf,
+  seqOf,
+  toolOf,
+  turnOf,
+  waitingOf,
+  type Decision,
+} from "../acp/meta";
 import type { AgentItem, Conversation, Item, NoteItem, ToolItem, UserItem } from "./conversation";
 
 type Update<Kind extends SessionUpdate["sessionUpdate"]> = Extract<SessionUpdate, { sessionUpdate: Kind }>;
@@ -141,19 +151,27 @@ function toolCallUpdate(state: Conversation, update: ToolCallUpdate): Conversati
   const waiting = waitingOf(update._meta);
   const status = update.status ?? item.status;
   const ended = status === "completed" || status === "failed";
-  return replaceAt(state, index, {
+  const tool = toolOf(update._meta) ?? item.tool;
+  const decision = decisionOf(update._meta);
+  return replaceAt(remembering(state, tool, decision), index, {
     ...item,
     status,
     title: update.title ?? item.title,
-    tool: toolOf(update._meta) ?? item.tool,
+    tool,
     // The content of a progress or a wait repeats it in words; it is not a result.
     content: progress === null && waiting === null ? (update.content ?? item.content) : item.content,
     input: update.rawInput ?? item.input,
     output: update.rawOutput ?? item.output,
     progress: ended ? null : (progress ?? item.progress),
     waiting: status === "pending" ? (waiting ?? item.waiting) : null,
-    decision: decisionOf(update._meta) ?? item.decision,
+    decision: decision ?? item.decision,
   });
+}
+
+/** An answer that counts for the rest of the session. */
+function remembering(state: Conversation, tool: string | null, decision: Decision | null): Conversation {
+  if (tool === null || decision?.reason !== "selected" || !decision.option?.endsWith("_always")) return state;
+  return { ...state, remembered: { ...state.remembered, [tool]: decision.option === "allow_always" } };
 }
 
 function withMode(state: Conversation, mode: string): Conversation {
@@ -216,5 +234,6 @@ export function opened(state: Conversation, answer: NewSessionResponse | LoadSes
     turn: turn?.state === "running" ? { id: turn.id, cancelling: state.turn?.cancelling ?? false } : null,
     modes: modes ? { current: modes.currentModeId, available: modes.availableModes } : state.modes,
     options: answer.configOptions ?? state.options,
+    remembered: rememberedOf(answer._meta) ?? state.remembered,
   };
 }

@@ -6,6 +6,7 @@ import type { PermissionOption, RequestPermissionResponse, SessionInfo } from "@
 import { create } from "zustand";
 import type { Abilities } from "../acp/abilities";
 import type { LinkState } from "../acp/link";
+import type { Preview } from "../acp/meta";
 import type { Stop, Telemetry } from "../acp/telemetry";
 import type { Health, Me } from "../api/http";
 import { EMPTY, type Conversation } from "./conversation";
@@ -17,6 +18,12 @@ export interface Question {
   toolCallId: string;
   title: string;
   asker: string | null;
+  /** What an answer for the whole session would count for, in words. */
+  subject: string | null;
+  /** The arguments of the call. */
+  input: unknown;
+  /** What it would do, where the robot has computed that. */
+  preview: Preview | null;
   options: PermissionOption[];
   /** Milliseconds of this machine's clock; null when there is no time limit. */
   expiresAt: number | null;

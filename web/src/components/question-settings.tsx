@@ -1,0 +1,123 @@
+/** How questions call for a person in this browser, and which answers are remembered in this session. */
+import { BellOff, BellRing, CircleCheck, CircleX } from "lucide-react";
+import { Popover } from "radix-ui";
+import { useTranslation } from "react-i18next";
+import { askAllowance, useAllowance } from "../attention/notification";
+import { change, useAttentionSettings } from "../attention/settings";
+import { useLayout } from "../hooks/use-media";
+import { canApprove } from "../state/rights";
+import { robotName, useConversation, useMe, useStore } from "../state/store";
+import { Tick } from "./tick";
+
+/** Behind a button where the line at the top has no room for it. */
+export function QuestionSettings() {
+  const { t } = useTranslation();
+  const me = useMe();
+  const robot = useStore(robotName);
+  const layout = useLayout();
+  const silent = useAttentionSettings((settings) => !settings.sound && !settings.notify);
+  const count = Object.keys(useConversation().remembered).length;
+  if (!canApprove(me.role)) return null;
+  if (layout !== "wide") return <Sections />;
+  return (
+    <Popover.Root>
+      <Popover.Trigger
+        className="icon-button question-settings"
+        aria-label={t("attention.open", { robot })}
+        data-testid="question-settings"
+      >
+        {silent ? <BellOff aria-hidden /> : <BellRing aria-hidden />}
+        {count > 0 && (
+          <span className="question-settings-count" aria-hidden="true">
+            {count}
+          </span>
+        )}
+      </Popover.Trigger>
+      <Popover.Portal>
+        <Popover.Content className="menu popover" align="end" sideOffset={4} collisionPadding={8}>
+          <Sections />
+        </Popover.Content>
+      </Popover.Portal>
+    </Popover.Root>
+  );
+}
+
+function Sections() {
+  const { t } = useTranslation();
+  const robot = useStore(robotName);
+  const sound = useAttentionSettings((settings) => settings.sound);
+  return (
+    <div className="popover-sections">
+      <section>
+        <h3>{t("attention.title", { robot })}</h3>
+        <Tick
+          label={t("attention.sound")}
+          checked={sound}
+          onChange={(on) => change({ sound: on })}
+          testId="setting-sound"
+        />
+        <Notifications />
+      </section>
+      <section>
+        <h3>{t("attention.remembered")}</h3>
+        <Remembered />
+      </section>
+    </div>
+  );
+}
+
+function Notifications() {
+  const { t } = useTranslation();
+  const wanted = useAttentionSettings((settings) => settings.notify);
+  const allowance = useAllowance((state) => state.allowance);
+  switch (allowance) {
+    case "granted":
+      return (
+        <Tick
+          label={t("attention.notify")}
+          checked={wanted}
+          onChange={(on) => change({ notify: on })}
+          testId="setting-notify"
+        />
+      );
+    case "default":
+      return (
+        <button type="button" className="button" onClick={() => void askAllowance()}>
+          <BellRing aria-hidden /> {t("attention.notifyAsk")}
+        </button>
+      );
+    default:
+      return (
+        <p className="muted small">
+          {t(allowance === "denied" ? "attention.notifyDenied" : "attention.notifyNone")}
+        </p>
+      );
+  }
+}
+
+function Remembered() {
+  const { t } = useTranslation();
+  const remembered = Object.entries(useConversation().remembered);
+  if (remembered.length === 0) return <p className="muted small">{t("attention.rememberedNone")}</p>;
+  return (
+    <ul className="remembered" data-testid="remembered">
+      {remembered.map(([tool, allowed]) => (
+        <li key={tool}>
+          {allowed ? <CircleCheck aria-hidden /> : <CircleX aria-hidden />}
+          <span>
+            <strong>{words(tool)}</strong>:{" "}
+            {t(`attention.${allowed ? "rememberedAllowed" : "rememberedRefused"}`)}
+          </span>
+        </li>
+      ))}
+    </ul>
+  );
+}
+
+/** The name of a tool as people read it; that of a server of somebody else stands before it. */
+function words(tool: string): string {
+  const [name = "", ...servers] = tool.split("__").reverse();
+  const plain = name.replaceAll("_", " ");
+  const shown = plain.charAt(0).toLocaleUpperCase() + plain.slice(1);
+  return [...servers.reverse(), shown].join(": ");
+}

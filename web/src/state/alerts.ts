@@ -1,0 +1,61 @@
+/**
+ * What has to be said at the top of the screen, and in which order: computed from all that is known, never stored.
+ * Two at most. What is cut off tells nothing of the robot, and what is hidden comes back when it is news again.
+ */
+import { create } from "zustand";
+import type { State } from "./store";
+
+export type AlertKind = "stop-failed" | "stopped" | "cut" | "robot-lost" | "halted" | "battery";
+
+/** What the person here has read and hidden. */
+export interface Hidden {
+  /** `at` of the halt; null when none was hidden. */
+  halted: number | null;
+  /** The level at which it was hidden; null when it was not. */
+  battery: number | null;
+}
+
+type Known = Pick<State, "stopError" | "stop" | "link" | "health" | "telemetry">;
+
+const MOST = 2;
+const LOW_BATTERY = 0.2;
+/** A battery that has lost so much more is news. */
+const FURTHER = 0.05;
+
+export const useHidden = create<Hidden>(() => ({ halted: null, battery: null }));
+
+export function alerts(state: Known, hidden: Hidden): AlertKind[] {
+  const { stopError, stop, link, telemetry } = state;
+  const found: AlertKind[] = [];
+  if (stopError !== null) found.push("stop-failed");
+  if (stop !== null) found.push("stopped");
+  if (link.status === "waiting" || (link.status === "connecting" && !link.first)) found.push("cut");
+  else if (link.status === "online" && (state.health?.robot.up === false || telemetry?.online === false)) {
+    found.push("robot-lost");
+  }
+  const minor: AlertKind[] = [];
+  const halted = telemetry?.halted ?? null;
+  // A stop matters more than what ended the motion before it.
+  if (halted !== null && stop === null && halted.at !== hidden.halted) minor.push("halted");
+  if (batteryIsLow(telemetry) && batteryIsNews(telemetry, hidden.battery)) minor.push("battery");
+  return [...found, ...minor.slice(0, Math.max(0, MOST - found.length))];
+}
+
+type Charge = Pick<NonNullable<State["telemetry"]>, "battery" | "batteryFloor" | "charging"> | null;
+
+export function batteryIsLow(charge: Charge): boolean {
+  const level = charge?.battery ?? null;
+  if (level === null || charge?.charging === true) return false;
+  return level <= Math.max(LOW_BATTERY, charge?.batteryFloor ?? 0);
+}
+
+export function isBelowFloor(charge: Charge): boolean {
+  return (charge?.battery ?? 1) < (charge?.batteryFloor ?? 0);
+}
+
+function batteryIsNews(charge: Charge, hiddenAt: number | null): boolean {
+  const level = charge?.battery ?? 1;
+  if (hiddenAt === null) return true;
+  const crossed = isBelowFloor(charge) && hiddenAt >= (charge?.batteryFloor ?? 0);
+  return crossed || level <= hiddenAt - FURTHER;
+}
