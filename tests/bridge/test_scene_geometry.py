@@ -65,15 +65,15 @@ def test_flat_bodies_are_seen_from_above_and_round_ones_from_outside():
     assert (np.sum(across * middle, axis=1) > 0).all()
 
 
-def test_the_floor_picture_has_the_largest_y_first_and_tells_known_from_unknown():
+def test_the_floor_picture_begins_at_the_smallest_y_and_tells_known_from_unknown():
     cells = np.full((3, 2), 255, np.uint8)
     cells[0] = 0  # the smallest y
     picture = shapes.floor_picture(
         cells, 0.05, (0.02, 0.02), free=(9, 9, 9), line=(5, 5, 5), outside=(1, 1, 1), scale=2
     )
     assert picture.shape == (6, 4, 3)
-    assert (picture[:4] == 1).all()
-    assert (picture[4:] == 9).all()
+    assert (picture[:2] == 9).all()
+    assert (picture[2:] == 1).all()
 
 
 def test_the_floor_has_a_fine_line_each_metre():
