@@ -51,7 +51,9 @@ def test_telemetry_through_a_pipe_is_a_line_when_the_robot_s_state_changes(robot
     done = chat(robot, "--telemetry", say="go to the reception\n")
     states = [line for line in done.stdout.splitlines() if "battery" in line]
     assert any(line.startswith("ready · ") and "held by nobody" in line for line in states)
-    assert sum(line.startswith("driving to reception, ") for line in states) == len([s for s in states if "driving" in s])
+    assert sum(line.startswith("driving to reception, ") for line in states) == len(
+        [s for s in states if "driving" in s]
+    )
     assert any("held by local" in line for line in states)
     assert all(" m/s · x " in line and " · link " in line for line in states)
 
