@@ -88,6 +88,9 @@ def _parser() -> argparse.ArgumentParser:
         "--token", help="login token; other users of this computer can see it here, so rather set ROBOT_ACP_TOKEN"
     )
     chat.add_argument("--json", action="store_true", help="print every message of the agent as one line of JSON")
+    chat.add_argument(
+        "--telemetry", action="store_true", help="show the robot's state: battery, speed, pose, who has it"
+    )
     chat.set_defaults(run=_chat)
 
     connect = commands.add_parser("connect", help="be a stdio agent for an editor: messages go to a remote robot")
@@ -229,7 +232,16 @@ def _bridge(settings: config.Settings, _options: argparse.Namespace) -> int:
 def _chat(settings: config.Settings, options: argparse.Namespace) -> int:
     from backend.chat.app import run
 
-    return asyncio.run(run(settings, options.address, options.session, options.token, options.json))
+    return asyncio.run(
+        run(
+            settings,
+            options.address,
+            options.session,
+            options.token,
+            as_json=options.json,
+            telemetry=options.telemetry,
+        )
+    )
 
 
 def _connect(settings: config.Settings, options: argparse.Namespace) -> int:

@@ -1,16 +1,17 @@
 """`robot-acp chat`: type to the robot, see what it thinks and does, answer its questions, Ctrl-C to cancel.
 
-Reads the terminal, or plain lines where stdin is none. With `--json` each event is one line of JSON, for programs.
+Reads the terminal, or plain lines where stdin is none. With `--json` each event is one line of JSON, for programs; with
+`--telemetry` the robot's state is below the prompt, or a line when it changes. It must never be a way around ACP.
 """
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
 import re
 import signal
 import sys
-import threading
 from collections.abc import AsyncIterator, Callable
 from typing import Any
 
@@ -22,7 +23,9 @@ from rich.console import Console
 from rich.text import Text
 
 from backend import wire
+from backend.chat import pipe
 from backend.chat.link import Link, LinkError, RefusedError, open_link
+from backend.chat.status import METHOD, SUBSCRIPTION, Status
 from backend.chat.view import Line, Style, View
 from backend.config import Settings
 
@@ -37,6 +40,8 @@ _STYLES: dict[Style, str] = {
 }
 _UNSAFE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 """Control characters: a text from elsewhere must not draw on the screen of somebody who is about to say yes."""
+_TRIP_SECONDS = 5.0
+"""How often the way to the agent and back is timed, and after how long without an answer there is none."""
 _ANSWERS = {"y": "allow_once", "n": "reject_once", "a": "allow_always", "v": "reject_always"}
 _HELP = (
     "Type what the robot shall do. /stop stops it at once, /release lets it move again, Ctrl-C cancels, Ctrl-D leaves."
@@ -44,11 +49,17 @@ _HELP = (
 
 
 async def run(
-    settings: Settings, address: str | None, session: str | None, token: str | None, as_json: bool = False
+    settings: Settings,
+    address: str | None,
+    session: str | None,
+    token: str | None,
+    *,
+    as_json: bool = False,
+    telemetry: bool = False,
 ) -> int:
     """Chat until the end of input, or until the connection is lost; the exit status is 1 then."""
     where = address or f"tcp://{settings.agent.host}:{settings.agent.port}"
-    chat = Chat(as_json)
+    chat = Chat(as_json, Status() if telemetry else None)
     try:
         await chat.connect(where, token or os.environ.get("ROBOT_ACP_TOKEN"), session)
         return await chat.talk()
@@ -62,8 +73,9 @@ async def run(
 class Chat:
     """One terminal at one session."""
 
-    def __init__(self, as_json: bool) -> None:
+    def __init__(self, as_json: bool, status: Status | None) -> None:
         self._as_json = as_json
+        self._status = status
         self._view = View()
         self._link: Link | None = None
         self._session = ""
@@ -80,7 +92,7 @@ class Chat:
         self._link = await open_link(address, token, self._take)
         about = {
             "protocolVersion": 1,
-            "clientCapabilities": {},
+            "clientCapabilities": {"_meta": SUBSCRIPTION} if self._status else {},
             "clientInfo": {"name": "robot-acp chat", "version": "1"},
         }
         if token and address.startswith("tcp:"):
@@ -99,6 +111,8 @@ class Chat:
         self._show(
             [Line("note", f"{self._view.robot} is listening. {_HELP}"), Line("note", f"Session {self._session}")]
         )
+        if self._status:
+            self._later(self._time_the_link(self._link, self._status))
 
     async def talk(self) -> int:
         """Read and do until the input ends."""
@@ -133,6 +147,9 @@ class Chat:
             self._show(self._view.take(params["update"]))
         elif method == "session/update" and not self._session:
             self._show(self._view.take(params["update"]))  # the replay of a session that is being opened
+        elif method == METHOD and self._status:
+            if self._status.take(params) and not sys.stdin.isatty():
+                self._show([Line("note", self._status.line)])
         elif method == "session/request_permission":
             self._questions[message["id"]] = params
             self._free.set()
@@ -151,6 +168,16 @@ class Chat:
         return (
             f"{self._view.robot} asks: {title}{limit}\n  y allow · n don't · a always in this session · v never in it"
         )
+
+    async def _time_the_link(self, link: Link, status: Status) -> None:
+        with contextlib.suppress(LinkError):  # `talk` tells it
+            while True:
+                try:
+                    async with asyncio.timeout(_TRIP_SECONDS):
+                        status.trip = await link.round_trip()
+                except TimeoutError:
+                    status.trip = None
+                await asyncio.sleep(_TRIP_SECONDS)
 
     # From the person
 
@@ -257,7 +284,10 @@ class Chat:
                 yield line
 
     def _toolbar(self) -> FormattedText:
-        return FormattedText([("", f" {self._view.status or 'ready'}"[:200])])
+        lines = [self._view.status or ("" if self._status else "ready")]
+        if self._status:
+            lines.append(self._status.line)
+        return FormattedText([("", "\n".join(f" {line}"[:200] for line in lines if line))])
 
     def _show(self, lines: list[Line]) -> None:
         if self._as_json or not lines:
@@ -269,17 +299,6 @@ class Chat:
 
     async def _plain_lines(self) -> AsyncIterator[str]:
         """Lines of a pipe: each is read when the one before has been done."""
-        loop = asyncio.get_running_loop()
-        lines: asyncio.Queue[str | None] = asyncio.Queue()
-
-        def read() -> None:
-            # Below Python's own buffer, whose lock would keep the process from ending while this waits.
-            with os.fdopen(os.dup(0), "rb", buffering=0) as stdin:
-                for line in stdin:
-                    loop.call_soon_threadsafe(lines.put_nowait, line.decode("utf-8", "replace"))
-            loop.call_soon_threadsafe(lines.put_nowait, None)
-
-        threading.Thread(target=read, name="stdin", daemon=True).start()
-        while (line := await lines.get()) is not None:
+        async for line in pipe.lines():
             yield line
             await self._free.wait()

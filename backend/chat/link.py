@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import time
 from collections.abc import Callable
 from typing import Any, Protocol
 from urllib.parse import urlsplit
@@ -73,6 +74,13 @@ class Link:
         """Say that this client does not know a request of the agent. Raises `LinkError`."""
         error = {"code": wire.METHOD_NOT_FOUND, "message": "This client does not do that."}
         await self._send({"id": request_id, "error": error})
+
+    async def round_trip(self) -> float:
+        """Seconds until the agent has answered. Raises `LinkError`."""
+        begun = time.monotonic()
+        with contextlib.suppress(RefusedError):  # no agent has to know the method: "there is none" comes as fast
+            await self.request("_robot/ping", {})
+        return time.monotonic() - begun
 
     async def close(self) -> None:
         """Disconnect."""

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import fcntl
 import os
 import pty
 import signal
+import struct
 import subprocess
+import termios
 from collections.abc import Iterator
 
 import pytest
@@ -40,6 +43,19 @@ def test_a_conversation_through_a_pipe(robot: Robot) -> None:
     assert "I said: “Hello.”" in done.stdout
     assert "I did not say “Goodbye.”" in done.stdout
     assert "I am at x" in done.stdout
+
+
+def test_telemetry_through_a_pipe_is_a_line_when_the_robot_s_state_changes(robot: Robot) -> None:
+    plain = chat(robot, say="where are you?\n")
+    assert "battery" not in plain.stdout
+    done = chat(robot, "--telemetry", say="go to the reception\n")
+    states = [line for line in done.stdout.splitlines() if "battery" in line]
+    assert any(line.startswith("ready · ") and "held by nobody" in line for line in states)
+    assert sum(line.startswith("driving to reception, ") for line in states) == len(
+        [s for s in states if "driving" in s]
+    )
+    assert any("held by local" in line for line in states)
+    assert all(" m/s · x " in line and " · link " in line for line in states)
 
 
 def test_over_websocket_with_a_token(robot: Robot) -> None:
@@ -89,12 +105,16 @@ class Terminal:
         self.pid, self._fd = pty.fork()
         if self.pid == 0:
             os.execvpe(robot.command()[0], robot.command("chat", *arguments), robot.variables | {"TERM": "xterm"})
+        fcntl.ioctl(self._fd, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 160, 0, 0))
         self.screen = ""
         asyncio.get_running_loop().add_reader(self._fd, self._read)
 
     def _read(self) -> None:
         try:
-            self.screen += os.read(self._fd, 65536).decode("utf-8", "replace")
+            told = os.read(self._fd, 65536).decode("utf-8", "replace")
+            self.screen += told
+            if "\x1b[6n" in told:  # "where is the cursor?": without an answer there is no toolbar
+                self.type("\x1b[1;1R")
         except OSError:
             asyncio.get_running_loop().remove_reader(self._fd)
 
@@ -103,6 +123,15 @@ class Terminal:
 
     async def shows(self, text: str) -> None:
         await eventually(lambda: text in self.screen, f"{text!r} on the screen")
+
+    async def shows_below(self, text: str) -> None:
+        """Below the prompt only the cells that changed are drawn; Ctrl-L draws all of them."""
+        seen = len(self.screen)
+        async with asyncio.timeout(PATIENCE_S):
+            while text not in self.screen[seen:]:
+                seen = len(self.screen)
+                self.type("\x0c")
+                await eventually(lambda drawn=seen: "link" in self.screen[drawn:], "the screen to be drawn again")
 
     def close(self) -> None:
         asyncio.get_running_loop().remove_reader(self._fd)
@@ -131,6 +160,23 @@ async def test_in_a_terminal_ctrl_c_cancels_the_turn_and_a_question_is_answered(
             assert watched.spoken == ["Hello."]
             terminal.type("/stop\r")
             await watched.until(lambda: watched.state.stop is not None, "the stop")
+            terminal.type("/release\r")
+            await watched.until(lambda: watched.state.stop is None, "the release")
+    finally:
+        terminal.close()
+
+
+async def test_in_a_terminal_the_state_of_the_robot_stays_below_the_prompt(robot: Robot) -> None:
+    terminal = Terminal(robot, "--telemetry")
+    try:
+        await terminal.shows("Sancho is listening.")
+        await terminal.shows_below("held by nobody · link ")
+        async with robot.watched() as watched:
+            terminal.type("go to lab 2.3.9\r")
+            await terminal.shows_below("driving to lab 2.3.9, ")
+            await terminal.shows_below("held by local")
+            terminal.type("/stop\r")
+            await terminal.shows_below("STOPPED by local")
             terminal.type("/release\r")
             await watched.until(lambda: watched.state.stop is None, "the release")
     finally:

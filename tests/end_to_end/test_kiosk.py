@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
 from playwright.async_api import Page, expect
 
@@ -36,6 +37,13 @@ def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
     running = start(Robot(tmp_path_factory.mktemp("data")), "--time-scale", "8")
     yield running
     assert end(running.process, signal.SIGINT) == 0
+
+
+@pytest.fixture(autouse=True)
+def released(up: Up) -> None:
+    """A test that failed while the robot was stopped takes no other with it."""
+    address = f"http://127.0.0.1:{up.robot.robot_port}/release"
+    httpx.post(address, params={"by": "the next test"}, headers=up.robot.robot_headers).raise_for_status()
 
 
 def kiosk(up: Up, query: str = "map=off", role: Role = Role.VISITOR, base: str | None = None) -> str:

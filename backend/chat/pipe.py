@@ -1,0 +1,25 @@
+"""The lines of a standard input that is no terminal, without ever keeping the process from ending."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import threading
+from collections.abc import AsyncIterator
+
+
+async def lines() -> AsyncIterator[str]:
+    """Each line as it comes, until the input ends."""
+    loop = asyncio.get_running_loop()
+    read_so_far: asyncio.Queue[str | None] = asyncio.Queue()
+
+    def read() -> None:
+        # Below Python's own buffer, whose lock would keep the process from ending while this waits.
+        with os.fdopen(os.dup(0), "rb", buffering=0) as stdin:
+            for line in stdin:
+                loop.call_soon_threadsafe(read_so_far.put_nowait, line.decode("utf-8", "replace"))
+        loop.call_soon_threadsafe(read_so_far.put_nowait, None)
+
+    threading.Thread(target=read, name="stdin", daemon=True).start()
+    while (line := await read_so_far.get()) is not None:
+        yield line
