@@ -36,6 +36,11 @@ def message(text: str) -> Update:
     return {"sessionUpdate": "agent_message_chunk", "content": text_block(text)}
 
 
+def lost(text: str, taken_by: str | None) -> Update:
+    """The robot was taken away from the turn; by whom, where it was a person."""
+    return message(text) | ({"_meta": {"robot-acp/taken_over": {"by": taken_by}}} if taken_by is not None else {})
+
+
 def plan(entries: list[dict[str, Any]]) -> Update:
     """The steps of the task, all of them."""
     shown = [{"content": e["content"], "priority": "medium", "status": e["status"]} for e in entries]
