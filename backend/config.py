@@ -64,9 +64,8 @@ class Simulator(_Section):
     localisation_noise: float = Field(0.0, ge=0, le=0.2, description="standard deviation of the position error, m")
     heading_noise: float = Field(0.0, ge=0, le=0.1, description="standard deviation of the yaw error, rad")
     wheel_slip: float = Field(0.0, ge=0, le=0.5, description="share of their grip that the wheels lose at most")
-    battery: float = Field(0.92, ge=0, le=1, description="charge at the start")
-    laser_rays: int = Field(360, ge=60, le=1440)
     battery: float = Field(0.92, gt=0, le=1, description="its charge at the start, from 0 to 1")
+    laser_rays: int = Field(360, ge=60, le=1440)
 
 
 class Ros2(_Section):

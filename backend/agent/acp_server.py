@@ -53,6 +53,7 @@ log = logging.getLogger(__name__)
 PROTOCOL_VERSION = 1
 EXTENSIONS = (
     "_robot/telemetry",
+    "_robot/people",
     "_robot/stop",
     "_robot/release",
     "_robot/take_over",
@@ -61,6 +62,8 @@ EXTENSIONS = (
     "_robot/events",
 )
 _AFTER = "robot-acp/after"
+_SEARCH = "robot-acp/search"
+_OWNER = "robot-acp/owner"
 _TURN = "robot-acp/turn"
 
 
@@ -82,6 +85,7 @@ class AcpServer:
         self._attaching = asyncio.Lock()
         self._greeted = False
         self._feed: TelemetryFeed | None = None
+        house.people.enter(connection, self._attached)
 
     def router(self) -> MessageRouter:
         """The SDK's routes, and those that it lacks."""
@@ -93,6 +97,7 @@ class AcpServer:
 
     def left(self) -> None:
         """The client has gone."""
+        self._house.people.leave(self._connection)
         self._detach_all()
         if self._feed:
             self._feed.close()
@@ -253,12 +258,21 @@ class AcpServer:
     async def list_sessions(
         self, cwd: str | None = None, cursor: str | None = None, meta: dict[str, Any] | None = None
     ) -> ListSessionsResponse:
-        """The sessions that this person may see, newest first."""
-        del cwd, meta  # a robot has no working folder that would sort sessions
+        """The sessions that this person may see, newest first; those alone that have the words that `_meta` gives."""
+        del cwd  # a robot has no working folder that would sort sessions
         who = self._known()
-        rows = await self._house.sessions.page(who, options.read_cursor(cursor))
+        words = (meta or {}).get(_SEARCH, "")
+        if not isinstance(words, str):
+            raise RequestError(wire.INVALID_PARAMS, f"{_SEARCH} must be text.")
+        rows = await self._house.sessions.page(who, options.read_cursor(cursor), words)
         infos = [
-            SessionInfo(session_id=row.id, cwd=row.cwd, title=row.title, updated_at=options.iso(row.updated))
+            SessionInfo(
+                session_id=row.id,
+                cwd=row.cwd,
+                title=row.title,
+                updated_at=options.iso(row.updated),
+                field_meta={_OWNER: row.owner} | self._running(row.id),
+            )
             for row in rows
         ]
         return ListSessionsResponse(sessions=infos, next_cursor=options.next_cursor(rows))
@@ -435,7 +449,8 @@ class AcpServer:
         return session
 
     async def _attach(self, session: Session, after: int | None = None) -> None:
-        self._attached[session.id] = session
+        self._attached.pop(session.id, None)
+        self._attached[session.id] = session  # the newest is the last
         async with self._attaching:  # two replays at once would mix their events
             if self._attached.get(session.id) is session:  # else it was left meanwhile
                 await self._watch(session, after)
@@ -458,9 +473,13 @@ class AcpServer:
 
     def _opened(self, session: Session) -> dict[str, Any]:
         answer = options.state(session, self._house.models)
-        if session.turn_id is not None:
-            answer["_meta"] |= {_TURN: {"id": session.turn_id, "state": "running"}}
+        answer["_meta"] |= self._running(session.id)
         return answer
+
+    def _running(self, session_id: str) -> dict[str, Any]:
+        """The `_meta` that tells of the turn that runs in a session; empty between turns."""
+        turn_id = self._house.sessions.turn_of(session_id)
+        return {_TURN: {"id": turn_id, "state": "running"}} if turn_id is not None else {}
 
     def _follow_robot(self, wanted: Any) -> None:
         if isinstance(wanted, dict):

@@ -2,8 +2,8 @@
 
 Everything that goes to the client, answers, questions and the events of its sessions, passes the one outbox, so
 their order on the wire is the order in which they were made. What is only ever of use while it is new has a place
-beside it, for one. A client that does not read is cut off; it never makes anybody wait. No text of an exception
-leaves through here.
+beside it, for one of each kind. A client that does not read is cut off; it never makes anybody wait. No text of an
+exception leaves through here.
 """
 
 from __future__ import annotations
@@ -63,8 +63,8 @@ class ClientConnection:
         self._outbox: deque[bytes] = deque()
         self._outbox_bytes = 0
         self._filled = asyncio.Event()
-        self._latest = b""
-        """A frame that only counts until the next one; it waits here, outside of the outbox."""
+        self._latest: dict[str, bytes] = {}
+        """Method -> a frame that only counts until the next one; it waits here, outside of the outbox."""
         self._drained = asyncio.Event()
         """Set while nothing waits in the outbox."""
         self._drained.set()
@@ -93,6 +93,11 @@ class ClientConnection:
     def takes_files(self) -> bool:
         """Whether the client said that it writes files."""
         return bool((self.client_capabilities.get("fs") or {}).get("writeTextFile"))
+
+    @property
+    def takes_people(self) -> bool:
+        """Whether the client asked to be told who is connected."""
+        return (self.client_capabilities.get("_meta") or {}).get("robot-acp/people") is True
 
     @property
     def takes_forms(self) -> bool:
@@ -235,9 +240,9 @@ class ClientConnection:
         self._filled.set()
         self.behind(0)
 
-    def show_latest(self, frame: bytes) -> None:
-        """Send a line soon, unless a newer one comes first: for what is of no use once it is old."""
-        self._latest = frame
+    def show_latest(self, method: str, frame: bytes) -> None:
+        """Send a line soon, unless a newer one of its method comes first: for what is of no use once it is old."""
+        self._latest[method] = frame
         self._filled.set()
 
     def behind(self, held_bytes: int) -> None:
@@ -279,9 +284,9 @@ class ClientConnection:
         while True:
             await self._filled.wait()
             self._filled.clear()
-            lines, latest = b"".join(self._outbox), self._latest
+            lines, latest = b"".join(self._outbox), b"".join(self._latest.values())
             self._outbox.clear()
-            self._latest = b""
+            self._latest.clear()
             self._writer.write(lines + latest)
             try:
                 await self._writer.drain()

@@ -76,6 +76,8 @@ def engine_for(database_url: str, *, alone: bool, serialise: Callable[[object], 
     @sa.event.listens_for(engine, "connect")
     def prepare(connection: Any, record: Any) -> None:
         try:
+            if backend == "sqlite":  # its own knows the letters of English alone
+                connection.create_function("lower", 1, _lower, deterministic=True)
             cursor = connection.cursor()
             for statement in settings:
                 cursor.execute(statement)
@@ -120,6 +122,10 @@ def why(error: Exception) -> str:
             return start + "agent.database is no URL such as postgresql://NAME:PASSWORD@HOST:5432/DATABASE."
         case _:
             return start + f"{type(error).__name__}."
+
+
+def _lower(text: str | None) -> str | None:
+    return None if text is None else text.lower()
 
 
 def _take(lock: Callable[[], bool]) -> None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from backend.agent.journal import Journal
 from backend.agent.offers import AllowList
+from backend.agent.people import People
 from backend.agent.robot_link import RobotLink
 from backend.agent.sessions import Sessions
 from backend.agent.turn import Workbench
@@ -26,3 +27,4 @@ class House:
     bench: Workbench
     models: tuple[str, ...]
     offers: AllowList
+    people: People

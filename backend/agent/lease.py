@@ -18,6 +18,8 @@ class Claim:
     by: str
     lose: Callable[[str], None]
     granted: asyncio.Event = field(default_factory=asyncio.Event)
+    taken_by: str | None = None
+    """Who took the robot away from it; None while nobody has."""
 
 
 class Lease:
@@ -26,6 +28,11 @@ class Lease:
     def __init__(self) -> None:
         self.holder: Claim | None = None
         self._waiting: list[Claim] = []
+
+    @property
+    def waiting(self) -> tuple[Claim, ...]:
+        """Those in line, the next one first."""
+        return tuple(self._waiting)
 
     def ask(self, claim: Claim) -> bool:
         """Get in line; true when the robot is free, and the claim holds it at once."""
@@ -51,6 +58,7 @@ class Lease:
         loser = self.holder
         if loser is None or loser.session_id == session_id:
             return None
+        loser.taken_by = by
         loser.lose(f"{by} took the robot over")
         return loser
 

@@ -37,6 +37,11 @@ def message(text: str) -> Update:
     return {"sessionUpdate": "agent_message_chunk", "content": text_block(text)}
 
 
+def lost(text: str, taken_by: str | None) -> Update:
+    """The robot was taken away from the turn; by whom, where it was a person."""
+    return message(text) | ({"_meta": {"robot-acp/taken_over": {"by": taken_by}}} if taken_by is not None else {})
+
+
 def plan(entries: Any) -> Update | None:
     """The steps of the task, all of them; None when `entries` are no steps."""
     if not isinstance(entries, list) or not entries or not all(_is_step(entry) for entry in entries):

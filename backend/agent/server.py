@@ -21,6 +21,7 @@ from backend.agent.house import House
 from backend.agent.journal import Journal
 from backend.agent.lease import Lease
 from backend.agent.offers import AllowList
+from backend.agent.people import People
 from backend.agent.policy import MODE_IDS, Policy
 from backend.agent.robot_link import RobotLink
 from backend.agent.sessions import Sessions
@@ -154,12 +155,14 @@ async def _house(settings: Settings) -> AsyncIterator[House]:
         ),
         models=tuple(dict.fromkeys([agent.model, *agent.models, model.OFFLINE_MODEL])),
         offers=offers,
+        people=People(),
     )
     background = [
         asyncio.create_task(tokens.run(), name="tokens"),
         asyncio.create_task(journal.run(), name="journal"),
         asyncio.create_task(link.run(), name="robot link"),
         asyncio.create_task(Attendance(sessions, lease, agent.unattended_after).run(), name="attendance"),
+        asyncio.create_task(house.people.run(), name="people"),
         asyncio.create_task(_warm_up(tools), name="warm up"),
     ]
     try:

@@ -101,10 +101,15 @@ class Sessions:
                 del self._open[session.id]
                 self._spawn(session.offered.close())
 
-    async def page(self, identity: Identity, before: tuple[float, str] | None) -> list[SessionRow]:
-        """Sessions that this person may see, newest first, at most `PAGE`."""
+    def turn_of(self, session_id: str) -> str | None:
+        """The turn that runs in a session; None between turns."""
+        session = self._open.get(session_id)
+        return session.turn_id if session else None
+
+    async def page(self, identity: Identity, before: tuple[float, str] | None, search: str = "") -> list[SessionRow]:
+        """Sessions that this person may see and that have the words of `search`, newest first, at most `PAGE`."""
         owner = identity.name if identity.role == "visitor" else None
-        return await self._store.sessions(owner, before, PAGE)
+        return await self._store.sessions(owner, before, PAGE, search)
 
     async def delete(self, session: Session) -> None:
         """End and remove a session."""

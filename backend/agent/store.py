@@ -67,6 +67,8 @@ _events = sa.Table(
 _T = TypeVar("_T")
 Changes = dict[str, dict[str, object]]
 """Session id -> column -> value."""
+MAX_WORDS = 16
+"""Words of a search that count; more only cost time."""
 _PAGE = 200
 _PAGE_BYTES = 4 * 1024 * 1024
 """A page ends with the event that reaches this; one event can be a picture of 16 MiB."""
@@ -158,13 +160,18 @@ class Store:
         rows = await self._read(sa.select(_sessions).where(_sessions.c.id == session_id))
         return SessionRow(**rows[0]._mapping) if rows else None
 
-    async def sessions(self, owner: str | None, before: tuple[float, str] | None, limit: int) -> list[SessionRow]:
+    async def sessions(
+        self, owner: str | None, before: tuple[float, str] | None, limit: int, search: str = ""
+    ) -> list[SessionRow]:
         """Sessions that hold at least one event, newest first; of `owner` alone unless None; `before` is the
-        (updated, id) of the last one of the page before."""
+        (updated, id) of the last one of the page before. Each word of `search` is in the title or the owner's name."""
         has_events = sa.exists().where(_events.c.session_id == _sessions.c.id)
         query = sa.select(_sessions).where(has_events)
         if owner is not None:
             query = query.where(_sessions.c.owner == owner)
+        for word in _clean(search).lower().split()[:MAX_WORDS]:
+            columns = (_sessions.c.title, _sessions.c.owner)
+            query = query.where(sa.or_(*(sa.func.lower(c).contains(word, autoescape=True) for c in columns)))
         if before is not None:
             updated, session_id = before
             query = query.where(sa.tuple_(_sessions.c.updated, _sessions.c.id) < sa.tuple_(updated, _clean(session_id)))

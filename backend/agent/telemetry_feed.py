@@ -45,11 +45,14 @@ class TelemetryFeed:
             return
         self._sent_at, self._sent_key = now, key
         message = {"jsonrpc": "2.0", "method": METHOD, "params": self._params(state)}
-        self._connection.show_latest(orjson.dumps(message, option=orjson.OPT_APPEND_NEWLINE))
+        self._connection.show_latest(METHOD, orjson.dumps(message, option=orjson.OPT_APPEND_NEWLINE))
 
     def _params(self, state: telemetry.State | None) -> dict[str, Any]:
         holder = self._house.bench.lease.holder
-        turn = {"sessionId": holder.session_id, "by": holder.by} if holder else None
+        turn: dict[str, Any] | None = None
+        if holder:
+            waiting = [{"sessionId": claim.session_id, "by": claim.by} for claim in self._house.bench.lease.waiting]
+            turn = {"sessionId": holder.session_id, "by": holder.by, "waiting": waiting}
         name = self._house.settings.robot.name
         if state is None:
             return {"robot": name, "online": False, "turn": turn}

@@ -122,7 +122,8 @@ class Turn:
             with self._phases.during("navigation"):
                 await self.bench.link.at_rest()
         if self._lost is not None:
-            self.session.record(present.message(f"{self._lost}, so I stopped here."))
+            taken_by = self._claim.taken_by if self._claim else None
+            self.session.record(present.lost(f"{self._lost}, so I stopped here.", taken_by))
         return reason
 
     async def _work(self) -> str:

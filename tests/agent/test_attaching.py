@@ -18,6 +18,7 @@ from backend.agent.journal import Journal
 from backend.agent.lease import Lease
 from backend.agent.model import OFFLINE_MODEL
 from backend.agent.offers import AllowList
+from backend.agent.people import People
 from backend.agent.policy import Policy
 from backend.agent.robot_link import RobotLink
 from backend.agent.session import Session
@@ -117,7 +118,7 @@ async def a_place(data: Path) -> AsyncIterator[Place]:
     link, may_go_on = RobotLink(None, None), asyncio.Event()
     silent = Silent("http://127.0.0.1:1/mcp", absent="There is no robot.")
     bench = Workbench("Sancho", silent, Policy(), link, store, Lease(), 1.0, 5, 1.0)
-    house = House(Settings(), Registry(data), sessions, journal, link, bench, (OFFLINE_MODEL,), AllowList([]))
+    house = House(Settings(), Registry(data), sessions, journal, link, bench, (OFFLINE_MODEL,), AllowList([]), People())
 
     async def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         connection = Reader(reader, writer, local=True, max_outbox_bytes=2**20)

@@ -52,19 +52,23 @@ def test_taking_over_ends_the_holder_and_puts_the_session_first() -> None:
 
 async def test_the_second_waits_with_a_reason_and_a_supervisor_takes_over(robot: Robot, connect: Opener) -> None:
     ana, ben = await connect(robot.token("Ana", Role.OPERATOR)), await connect(robot.token("Ben", Role.OPERATOR))
-    sue = await connect(robot.token("Sue", Role.SUPERVISOR))
-    await ana.new()
+    asks = {"_meta": {"robot-acp/telemetry": {"rate": 10}}}
+    sue = await connect(robot.token("Sue", Role.SUPERVISOR), capabilities=asks)
+    held = await ana.new()
     session = await ben.new()
     async with robot.watched() as watched:
         first = asyncio.create_task(ana.prompt("go to lab 2.3.9"))
         await watched.until(lambda: watched.speed > 0.3, "the robot to drive")
         second = asyncio.create_task(ben.prompt("turn left by 20 degrees"))
         await eventually(lambda: any("which Ana has now" in str(u) for u in ben.updates), "the reason to wait")
+        line = {"sessionId": held, "by": "Ana", "waiting": [{"sessionId": session, "by": "Ben"}]}
+        await eventually(lambda: sue.heard[-1].get("params", {}).get("turn") == line, "the line, as everybody is told")
         with pytest.raises(RefusedError, match="may not take over"):
             await ben.link.request("_robot/take_over", {"sessionId": session})
         assert (await sue.link.request("_robot/take_over", {"sessionId": session}))["from"] == "Ana"
         assert await first == "cancelled"
         assert "Sue took the robot over" in ana.said
+        assert [m for u in ana.updates if (m := (u.get("_meta") or {}).get("robot-acp/taken_over"))] == [{"by": "Sue"}]
         assert await second == "end_turn"
         assert "I turned left by 20°." in ben.said
 

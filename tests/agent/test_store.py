@@ -18,7 +18,7 @@ from backend.agent.history import History
 from backend.agent.journal import Journal
 from backend.agent.session import Session
 from backend.agent.store import Event, SessionRow, Store, StoreError, as_json
-from tests.databases import PASSWORD, Cluster, Database
+from tests.databases import PASSWORD, Cluster, Database, SQLite
 from tests.processes import eventually
 
 NOW = 1_795_246_000.123456
@@ -43,11 +43,11 @@ async def numbers(store: Store, session: str = "s1", after: int = 0, upto: int |
     return [event.seq async for event in store.events(session, after, upto)]
 
 
-async def listed(store: Store, owner: str | None = None, page: int = 50) -> list[str]:
+async def listed(store: Store, owner: str | None = None, page: int = 50, search: str = "") -> list[str]:
     """The ids of the list, read page by page."""
     found: list[str] = []
     before: tuple[float, str] | None = None
-    while rows := await store.sessions(owner, before, page):
+    while rows := await store.sessions(owner, before, page, search):
         found += [row.id for row in rows]
         before = (rows[-1].updated, rows[-1].id)
     return found
@@ -207,6 +207,52 @@ async def test_the_list_has_every_session_once_newest_first(store: Store) -> Non
         assert await listed(store, page=page) == newest_first
         assert await listed(store, "Ana", page) == [s for s in newest_first if s[-1] in "02468"]
     assert await listed(store, "Nobody") == []
+
+
+@pytest.mark.parametrize(
+    ("search", "found"),
+    [
+        ("", ["s4", "s3", "s2", "s1"]),
+        ("TO LAB", ["s2", "s1"]),
+        ("lab to", ["s2", "s1"]),
+        ("ben", ["s2"]),
+        ("lab 2 ana", ["s1"]),
+        ("%", ["s3"]),
+        ("100%_", ["s3"]),
+        ("_b", []),
+        ("l_b", []),
+        ("/", ["s3"]),
+        ("\\", ["s3"]),
+        ("' OR 1=1 --", []),
+        ("t\x00our", ["s4"]),
+        ("🤖", ["s4"]),
+        (" ", ["s4", "s3", "s2", "s1"]),
+        ("tour " * 5000, ["s4"]),
+    ],
+)
+async def test_a_search_finds_sessions_by_words_of_title_and_owner(store: Store, search: str, found: list[str]) -> None:
+    rows = [
+        ("s1", "To lab 2", "Ana"),
+        ("s2", "to lab 2", "Ben"),
+        ("s3", "100%_ a/b \\c", "Cleo"),
+        ("s4", "Tour 🤖", "Eva"),
+    ]
+    for number, (session, title, owner) in enumerate(rows):
+        await store.add_session(replace(ROW, id=session, title=title, owner=owner, updated=NOW + number))
+        await store.append([event(1, session=session)])
+    assert await listed(store, page=1, search=search) == found
+    assert await listed(store, owner="Ana", search=search) == [session for session in found if session == "s1"]
+
+
+async def test_a_search_knows_the_letters_of_other_languages_and_sessions_without_a_title(database: Database) -> None:
+    store = Store(database.url)
+    await store.open()
+    await store.add_session(replace(ROW, title=None, owner="Begoña"))
+    await store.append([event(1)])
+    assert await listed(store, search="begoña") == ["s1"]
+    if isinstance(database, SQLite):  # PostgreSQL follows its locale, which is C in these tests
+        assert await listed(store, search="BEGOÑA") == ["s1"]
+    await store.close()
 
 
 async def test_a_session_without_events_is_not_listed(store: Store) -> None:

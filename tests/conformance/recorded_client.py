@@ -21,7 +21,7 @@ EVERYTHING = {
     "fs": {"readTextFile": False, "writeTextFile": True},
     "terminal": True,
     "elicitation": {"form": {}},
-    "_meta": {"robot-acp/telemetry": {"rate": 5}},
+    "_meta": {"robot-acp/telemetry": {"rate": 5}, "robot-acp/people": True},
 }
 """What this client says that it can."""
 

@@ -121,6 +121,17 @@ async def test_robot_telemetry(client: RecordedClient) -> None:
     assert set(told["pose"]) == {"x", "y", "yaw"}
 
 
+@shows("_robot/people")
+async def test_robot_people(client: RecordedClient) -> None:
+    await client.new()
+
+    def told() -> bool:
+        lists = [frame["params"]["people"] for frame in client.heard("_robot/people")]
+        return any(client.session in person["sessions"] for people in lists for person in people)
+
+    await eventually(told, "the one who is here, with the session")
+
+
 @shows("_robot/stop", "_robot/release")
 async def test_robot_stop_and_release(robot: Robot, client: RecordedClient) -> None:
     await client.new()

@@ -22,7 +22,8 @@ REQUIRED = {
     ),
     *("session/request_permission", "elicitation/create", "fs/write_text_file"),
     *("$/cancel_request to the agent", "$/cancel_request to the client"),
-    *("_robot/telemetry", "_robot/stop", "_robot/release", "_robot/take_over", "_robot/abilities", "_robot/leave"),
+    *("_robot/telemetry", "_robot/people", "_robot/stop", "_robot/release", "_robot/take_over"),
+    *("_robot/abilities", "_robot/leave"),
 }
 
 
