@@ -42,8 +42,7 @@ export function SceneView({ shown, alone }: { shown: boolean; alone: boolean }) 
   };
   return (
     <div className="scene-view">
-      <div className="scene-map" inert={large}>
-        <Scene viewer={VIEWER} />
+      <div className="scene-main" inert={large}>
         <div className="scene-bar">
           <SceneBar
             view={view}
@@ -62,6 +61,9 @@ export function SceneView({ shown, alone }: { shown: boolean; alone: boolean }) 
               onOver={over}
             />
           )}
+        </div>
+        <div className="scene-map">
+          <Scene viewer={VIEWER} />
         </div>
       </div>
       {camera && (
