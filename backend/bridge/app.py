@@ -11,7 +11,7 @@ from typing import Any
 from fastapi import FastAPI, Request
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
-from starlette.routing import Route, WebSocketRoute
+from starlette.routing import BaseRoute, Route, WebSocketRoute
 
 from backend import identity, tokens
 from backend.bridge import api, login
@@ -19,6 +19,8 @@ from backend.bridge.acp_socket import AcpSocket
 from backend.bridge.origin import HostGuard, OriginError, OriginPolicy
 from backend.bridge.pages import SecurityHeaders, WebApp
 from backend.bridge.robot_link import RobotLink
+from backend.bridge.scene.camera_socket import CameraSocket
+from backend.bridge.scene.control import CameraMoved, SceneControl
 from backend.bridge.scene.proxy import ScenePage, SceneSocket, with_slash
 from backend.bridge.scene.scene import Scene
 from backend.bridge.upstream import agent_at
@@ -61,14 +63,25 @@ def create_app(settings: Settings, web_dist: Path = WEB_DIST) -> FastAPI:
     app.include_router(login.router(gate, settings.robot.name))
     app.include_router(api.router(gate, robot, health))
     acp = AcpSocket(gate, agent, max_frame_bytes=bridge.max_frame_bytes, max_connections=bridge.max_connections)
-    app.router.routes += [
-        WebSocketRoute("/acp", acp),
-        WebSocketRoute("/scene", SceneSocket(gate, scene)),
-        Route("/scene", with_slash),
-        Route("/scene/", ScenePage(gate, scene).answer),
-    ]
+    app.router.routes += [WebSocketRoute("/acp", acp), *scene_routes(gate, scene)]
     app.mount("/", WebApp(web_dist))
     return app
+
+
+def scene_routes(gate: login.Gate, scene: Scene) -> list[BaseRoute]:
+    """The scene's page and sockets, for everyone and for one viewer, and the robot's camera."""
+    page, socket = ScenePage(gate, scene).answer, SceneSocket(gate, scene)
+    return [
+        WebSocketRoute("/camera", CameraSocket(gate, scene)),
+        WebSocketRoute("/scene", socket),
+        Route("/scene", with_slash),
+        Route("/scene/", page),
+        WebSocketRoute("/scene/{viewer}", socket),
+        Route("/scene/{viewer}", with_slash),
+        Route("/scene/{viewer}/", page),
+        WebSocketRoute("/scene/{viewer}/control", SceneControl(gate, scene)),
+        Route("/scene/{viewer}/moved", CameraMoved(gate, scene).answer, methods=["POST"]),
+    ]
 
 
 def _says(status: int) -> Any:

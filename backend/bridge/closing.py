@@ -9,9 +9,11 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 NORMAL = 1000
 POLICY_VIOLATION = 1008
+TOO_LARGE = 1009
 SERVICE_RESTART = 1012
 TRY_AGAIN_LATER = 1013
 LOGIN_ENDED = 4401
+REPLACED = 4409
 
 _CLOSE_SECONDS = 1.0
 

@@ -24,6 +24,7 @@ from backend import config, tokens
 from backend.bridge import server
 from backend.config import Settings
 from backend.identity import Role
+from tests.bridge.scenes import TelemetryPeer, telemetry_peer
 
 PATIENCE = 10.0
 """Seconds after which a condition that is waited for has failed; met ones take milliseconds."""
@@ -190,6 +191,13 @@ async def bridge(agent: ScriptedAgent, settings_for: Callable[..., Settings]) ->
 def bridge_with(settings_for: Callable[..., Settings]) -> Callable[..., Any]:
     """Runs a bridge with settings of the test's choice: `async with bridge_with(agent=…) as bridge`."""
     return lambda **flags: running_bridge(settings_for(**flags))
+
+
+@pytest.fixture
+async def robot() -> AsyncIterator[TelemetryPeer]:
+    """The robot's end of `/telemetry`, which sends what a test has it send."""
+    async with telemetry_peer() as peer:
+        yield peer
 
 
 INITIALIZE = b'{"jsonrpc":"2.0","id":0,"method":"initialize","params":{"protocolVersion":1}}'

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from backend.bridge.scene import camera, robot, shapes
+from backend.telemetry import Pose, Scan
 
 calmly = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 """A busy machine is no failure."""
@@ -64,15 +65,15 @@ def test_flat_bodies_are_seen_from_above_and_round_ones_from_outside():
     assert (np.sum(across * middle, axis=1) > 0).all()
 
 
-def test_the_floor_picture_has_the_largest_y_first_and_tells_known_from_unknown():
+def test_the_floor_picture_begins_at_the_smallest_y_and_tells_known_from_unknown():
     cells = np.full((3, 2), 255, np.uint8)
     cells[0] = 0  # the smallest y
     picture = shapes.floor_picture(
         cells, 0.05, (0.02, 0.02), free=(9, 9, 9), line=(5, 5, 5), outside=(1, 1, 1), scale=2
     )
     assert picture.shape == (6, 4, 3)
-    assert (picture[:4] == 1).all()
-    assert (picture[4:] == 9).all()
+    assert (picture[:2] == 9).all()
+    assert (picture[2:] == 1).all()
 
 
 def test_the_floor_has_a_fine_line_each_metre():
@@ -100,10 +101,10 @@ def test_a_path_is_its_segments_and_no_path_is_one_of_no_length():
         assert shapes.segments_of(none, 0.1).shape == (1, 2, 3)
 
 
-def test_laser_points_are_the_readings_that_hit_something():
-    points = shapes.hits(0.0, math.pi / 2, [2.0, 10.0, 3.0, math.inf, math.nan, 0.0], 10.0, z=0.3)
-    assert points == pytest.approx(np.array([[2, 0, 0.3], [-3, 0, 0.3]]), abs=1e-6)
-    assert len(shapes.hits(0.0, 0.1, [10.0, math.inf], 10.0, z=0.3)) == 1  # out of sight, as none cannot be
+def test_laser_points_are_where_the_map_has_what_the_readings_hit():
+    ranges = [2.0, 10.0, 3.0, math.inf, math.nan, 0.0]
+    scan = Scan(0.0, Pose(10.0, 20.0, math.pi / 2), 0.0, math.pi / 2, 10.0, ranges)
+    assert shapes.hits(scan, z=0.3) == pytest.approx(np.array([[10, 22, 0.3], [10, 17, 0.3]]), abs=1e-5)
 
 
 def seen(view: camera.View, point: tuple[float, float, float], aspect: float) -> bool:

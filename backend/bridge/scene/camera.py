@@ -1,7 +1,7 @@
-"""Where the camera stands so that the whole map is seen, in a narrow pane as in a wide one.
+"""Where a viewer's camera stands: all of the map obliquely or from above, or behind the robot.
 
-The view looks down obliquely. In a pane that is much taller than the map is, it looks along the map's other
-side where that shows it larger.
+The whole map fits into a narrow pane as into a wide one: in a pane that is much taller than the map is, the view
+looks along the map's other side where that shows it larger.
 """
 
 from __future__ import annotations
@@ -12,16 +12,28 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from backend.bridge.scene.shapes import Extent
+from backend.telemetry import Pose
+
 FIELD_OF_VIEW = math.radians(40)
 """Vertical; narrow enough that far rooms do not shrink much."""
 
-_ELEVATION = math.radians(62)
+TYPICAL_ASPECT = 1.3
+"""Of a pane that has not told its shape yet."""
+
+_OBLIQUE = math.radians(62)
+_OVERHEAD = math.radians(89.5)
+"""Not 90: a camera that looks straight down has no up."""
 _MARGIN = 1.05
 _WORTH_TURNING = 1.3
 _HEAD_ROOM = 1.6
 """m above the floor that have to be seen too."""
 
-Extent = tuple[float, float, float, float]
+_BEHIND, _ABOVE, _AHEAD = 4.2, 3.6, 1.2
+"""m that the camera follows behind and above the robot, and looks ahead of it."""
+_NARROW = 0.9
+"""Panes narrower than this, width to height, see too little of what is beside the robot."""
+
 Vector = npt.NDArray[np.float64]
 
 
@@ -34,18 +46,37 @@ class View:
 
 
 def fitting(extent: Extent, aspect: float) -> View:
-    """The nearest view that shows all of `extent` (x0, y0, x1, y1) in a pane of that width to height."""
-    north, north_distance = _looking(extent, aspect, math.pi / 2)
-    west, west_distance = _looking(extent, aspect, math.pi)
+    """The nearest oblique view that shows all of `extent` in a pane of that width to height."""
+    return _fitting(extent, aspect, _OBLIQUE)
+
+
+def overhead(extent: Extent, aspect: float) -> View:
+    """The same from straight above."""
+    return _fitting(extent, aspect, _OVERHEAD)
+
+
+def behind(robot: Pose, aspect: float) -> View:
+    """The view over the robot's shoulder."""
+    back = max(1.0, _NARROW / aspect)
+    cos, sin = math.cos(robot.yaw), math.sin(robot.yaw)
+    return View(
+        (robot.x - cos * _BEHIND * back, robot.y - sin * _BEHIND * back, _ABOVE * back),
+        (robot.x + cos * _AHEAD, robot.y + sin * _AHEAD, 0.0),
+    )
+
+
+def _fitting(extent: Extent, aspect: float, elevation: float) -> View:
+    north, north_distance = _looking(extent, aspect, math.pi / 2, elevation)
+    west, west_distance = _looking(extent, aspect, math.pi, elevation)
     return west if west_distance * _WORTH_TURNING < north_distance else north
 
 
-def _looking(extent: Extent, aspect: float, azimuth: float) -> tuple[View, float]:
-    """The view along the compass direction `azimuth`, and its distance from what it looks at."""
+def _looking(extent: Extent, aspect: float, azimuth: float, elevation: float) -> tuple[View, float]:
+    """The view along a compass direction, so many rad downwards, and its distance from what it looks at."""
     level = np.array([math.cos(azimuth), math.sin(azimuth), 0.0])
     vertical = np.array([0.0, 0.0, 1.0])
-    forward = level * math.cos(_ELEVATION) - vertical * math.sin(_ELEVATION)
-    up = level * math.sin(_ELEVATION) + vertical * math.cos(_ELEVATION)
+    forward = level * math.cos(elevation) - vertical * math.sin(elevation)
+    up = level * math.sin(elevation) + vertical * math.cos(elevation)
     right = np.cross(forward, up)
 
     x0, y0, x1, y1 = extent

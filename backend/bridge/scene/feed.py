@@ -17,8 +17,10 @@ from websockets.exceptions import WebSocketException
 from backend import telemetry
 from backend.bridge.race import first_of
 
-_WATCHED = telemetry.Subscribe(channels=["state", "scan", "path", "map"], rate=20.0)
-_UNWATCHED = telemetry.Subscribe(channels=["state", "path", "map"], rate=2.0)
+_WATCHED = 20.0
+_CAMERA = 5.0
+_UNWATCHED = 2.0
+"""States, scans and pictures a second, at most."""
 _FIRST_DELAY = 0.25
 _LONGEST_DELAY = 5.0
 _MAX_MESSAGE_BYTES = 64 * 1024 * 1024
@@ -40,13 +42,14 @@ class Feed:
         self._headers = {"Authorization": f"Bearer {secret.decode()}"}
         self._show = show
         self._lost = lost
-        self._watched = False
-        self._changed = asyncio.Event()
+        self._wanted = _wanted(scene=False, camera=False)
+        self._changed = asyncio.Event()  # set when something else is wanted
 
-    def watch(self, watched: bool) -> None:
-        """Whether anybody looks at the scene right now."""
-        if watched != self._watched:
-            self._watched = watched
+    def watch(self, *, scene: bool, camera: bool) -> None:
+        """Whether anybody looks at the scene right now, and through the robot's camera."""
+        wanted = _wanted(scene=scene, camera=camera)
+        if wanted != self._wanted:
+            self._wanted = wanted
             self._changed.set()
 
     async def run(self) -> None:
@@ -78,7 +81,7 @@ class Feed:
     async def _subscribe(self, stream: ClientConnection) -> None:
         while True:
             self._changed.clear()
-            await stream.send(telemetry.encode(_WATCHED if self._watched else _UNWATCHED))
+            await stream.send(telemetry.encode(self._wanted))
             await self._changed.wait()
 
     async def _listen(self, stream: ClientConnection) -> None:
@@ -92,3 +95,12 @@ class Feed:
                 await self._show(message)
             except Exception:  # another robot's map must not end the scene for good
                 log.exception("scene: a %s message cannot be drawn", type(message).__name__)
+
+
+def _wanted(*, scene: bool, camera: bool) -> telemetry.Subscribe:
+    channels: list[telemetry.Channel] = ["state", "path", "map"]
+    if scene:
+        channels.append("scan")
+    if camera:
+        channels.append("camera")
+    return telemetry.Subscribe(channels, _WATCHED if scene else _CAMERA if camera else _UNWATCHED)

@@ -22,6 +22,25 @@ _HEAD = """<head>
 <script>
   // viser reconnects only in a page that has the focus, which an embedded one rarely has.
   document.hasFocus = () => true;
+  // The page of one viewer tells when its viewer moves the camera. Where it stands alone does not tell: what follows
+  // the robot sets it so often that a slow page never shows what a hand did in between.
+  if (location.pathname !== "/scene/") {
+    let from = null, told = -Infinity;
+    const moved = () => {
+      if (performance.now() - told < 300) return;
+      told = performance.now();
+      fetch("moved", { method: "POST" }).catch(() => undefined);
+    };
+    const listen = (kind, then) => addEventListener(kind, then, { capture: true, passive: true });
+    listen("pointerdown", (event) => { from = event; });
+    listen("pointerup", () => { from = null; });
+    listen("pointercancel", () => { from = null; });
+    listen("pointermove", (event) => {
+      if (from && Math.hypot(event.clientX - from.clientX, event.clientY - from.clientY) > 4) moved();
+    });
+    listen("wheel", moved);
+    listen("keydown", (event) => { if (/^(Key[WASDQE]|Arrow.*)$/.test(event.code)) moved(); });
+  }
 </script>
 <style>
   /* The scene is a picture beside the conversation: viser's panel and its notices have no place in it. */

@@ -1,7 +1,8 @@
-"""`/scene/` and `WS /scene`: viser behind the bridge's login, on the bridge's own port.
+"""`/scene/` and `WS /scene`, or with a viewer's id behind: viser behind the bridge's login, on the bridge's own port.
 
-viser itself listens on loopback and asks nobody who they are. Of what a viewer sends, only the camera is passed
-on: anything else could change what others see, and one of viser's messages opens a tunnel to the internet.
+viser itself listens on loopback and asks nobody who they are. Nothing that a browser sends is passed on to it: that
+could change what others see, and one of viser's messages opens a tunnel to the internet. Where a viewer's camera
+stands and where it clicks is read here, and answered here.
 """
 
 from __future__ import annotations
@@ -9,9 +10,9 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import logging
+import uuid
 
 import httpx
-import msgspec
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 from starlette.types import Receive, Scope, Send
@@ -20,25 +21,21 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, WebSocketException
 from websockets.typing import Subprotocol
 
-from backend.bridge.closing import LEFT, POLICY_VIOLATION, TRY_AGAIN_LATER, End, close
+from backend.bridge.closing import LEFT, TRY_AGAIN_LATER, End, close
 from backend.bridge.login import Gate, Login, admit_websocket
 from backend.bridge.race import first_of
-from backend.bridge.scene import page
+from backend.bridge.scene import page as visers_page
+from backend.bridge.scene import viser_wire
+from backend.bridge.scene.eye import Report
+from backend.bridge.scene.outgoing import SECONDS, UNREAD, send_latest
 from backend.bridge.scene.scene import Scene, SceneDownError
+from backend.bridge.scene.viewer_id import refusal, refuse, viewer_id
+from backend.bridge.scene.viewers import Page, Viewer
 
-CAMERA_MESSAGE = "ViewerCameraMessage"
 _START_SECONDS = 20.0
-_SEND_SECONDS = 15.0
 _NOT_READY = End(TRY_AGAIN_LATER, "The scene is not ready.")
 
 log = logging.getLogger(__name__)
-
-
-class _Tagged(msgspec.Struct):
-    type: str
-
-
-_type_of = msgspec.msgpack.Decoder(_Tagged)
 
 
 class ScenePage:
@@ -51,14 +48,16 @@ class ScenePage:
         self._etag = ""
 
     async def answer(self, request: Request) -> Response:
-        """`GET /scene/`. Raises `LoginError`."""
+        """`GET /scene/` and `GET /scene/<viewer>/`, the same page. Raises `LoginError`."""
         self._gate.login(request)
+        if "viewer" in request.path_params and viewer_id(request) is None:
+            return refusal()
         try:
             text = self._page or await self._fetch()
         except SceneDownError as error:
             return JSONResponse({"error": str(error)}, status_code=503)
         headers = {
-            "Content-Security-Policy": page.POLICY,
+            "Content-Security-Policy": visers_page.POLICY,
             "Cache-Control": "private, no-cache",
             "ETag": self._etag,
         }
@@ -73,13 +72,16 @@ class ScenePage:
                 answer.raise_for_status()
         except (httpx.HTTPError, TimeoutError):
             raise SceneDownError("The scene is not ready. Try again in a moment.") from None
-        self._page = page.patched(answer.text)
+        self._page = visers_page.patched(answer.text)
         self._etag = f'"{hashlib.sha256(self._page.encode()).hexdigest()[:32]}"'
         return self._page
 
 
-async def with_slash(_: Request) -> Response:
+async def with_slash(request: Request) -> Response:
     """`GET /scene`: the page finds its WebSocket by its own address, which has to end in a slash."""
+    if "viewer" in request.path_params:
+        identifier = viewer_id(request)
+        return refusal() if identifier is None else RedirectResponse(f"/scene/{identifier}/", status_code=308)
     return RedirectResponse("/scene/", status_code=308)
 
 
@@ -96,9 +98,15 @@ class SceneSocket:
         login = await admit_websocket(self._gate, websocket)
         if login is None:
             return
-        await close(websocket, await self._serve(websocket, login))
+        identifier = viewer_id(websocket) if "viewer" in websocket.path_params else uuid.uuid4().hex
+        if identifier is None:
+            await refuse(websocket)
+            return
+        with self._scene.viewers.viewer((login.identity.name, identifier)) as viewer:
+            end = await self._serve(websocket, login, viewer)
+        await close(websocket, end)
 
-    async def _serve(self, websocket: WebSocket, login: Login) -> End:
+    async def _serve(self, websocket: WebSocket, login: Login, viewer: Viewer) -> End:
         offered = [Subprotocol(name) for name in websocket.scope["subprotocols"] if name.startswith("viser-")]
         try:
             async with asyncio.timeout(_START_SECONDS):
@@ -112,47 +120,43 @@ class SceneSocket:
                 ping_interval=None,
             ) as viser:
                 await websocket.accept(subprotocol=viser.subprotocol)
-                self._scene.viewer_came()
+                page = Page()
+                viewer.page_opened(page)
                 try:
-                    return await first_of(
-                        _to_viser(websocket, viser), _to_viewer(viser, websocket), self._gate.until_ended(login)
-                    )
+                    with self._scene.watched():
+                        return await first_of(
+                            self._listen(websocket, viewer, page),
+                            _relay(viser, websocket),
+                            send_latest(page, websocket.send_bytes),
+                            self._gate.until_ended(login),
+                        )
                 finally:
-                    self._scene.viewer_left()
+                    viewer.page_closed(page)
         except (SceneDownError, OSError, WebSocketException, TimeoutError) as error:
             log.warning("scene: viser cannot be reached: %s", error)
             return _NOT_READY
 
-
-async def _to_viser(websocket: WebSocket, viser: ClientConnection) -> End:
-    while True:
-        message = await websocket.receive()
-        if message["type"] == "websocket.disconnect":
-            return LEFT
-        frame = message.get("bytes")
-        if frame is not None and _is_camera(frame):
-            try:
-                await viser.send(frame)
-            except ConnectionClosed:
-                return _NOT_READY
+    async def _listen(self, websocket: WebSocket, viewer: Viewer, page: Page) -> End:
+        while True:
+            message = await websocket.receive()
+            if message["type"] == "websocket.disconnect":
+                return LEFT
+            match viser_wire.decode(message.get("bytes") or b""):
+                case Report() as report:
+                    viewer.reported(page, report)
+                case viser_wire.Click() as click:
+                    self._scene.viewers.clicked(viewer, page, click)
 
 
-async def _to_viewer(viser: ClientConnection, websocket: WebSocket) -> End:
+async def _relay(viser: ClientConnection, websocket: WebSocket) -> End:
     try:
         async for frame in viser:
-            async with asyncio.timeout(_SEND_SECONDS):
+            async with asyncio.timeout(SECONDS):
                 await websocket.send_bytes(frame if isinstance(frame, bytes) else frame.encode())
     except TimeoutError:
-        return End(POLICY_VIOLATION, "The page does not read.")
+        return UNREAD
     except WebSocketDisconnect:
         return LEFT
     except ConnectionClosed:
         pass
     return _NOT_READY
-
-
-def _is_camera(frame: bytes) -> bool:
-    try:
-        return _type_of.decode(frame).type == CAMERA_MESSAGE
-    except (msgspec.ValidationError, msgspec.DecodeError):
-        return False

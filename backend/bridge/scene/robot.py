@@ -5,6 +5,7 @@ A drawing, not a measurement: the robot's real outline is the robot server's bus
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from backend.bridge.scene import shapes
@@ -12,6 +13,12 @@ from backend.bridge.scene.shapes import Mesh
 
 HEIGHT = 1.25
 """m; labels float above it."""
+EYE = (0.14, 0.0, 1.11)
+"""Where its camera looks from, in its own frame: the middle of the visor."""
+EYE_FORWARD = (0.5, -0.5, 0.5, -0.5)
+"""The rotation (w, x, y, z) that turns a camera's z axis forward and its y axis down."""
+SIGHT = math.radians(78)
+"""How wide the camera sees: the simulator's, as telemetry does not tell it."""
 
 Colour = tuple[int, int, int]
 
@@ -49,6 +56,16 @@ def parts(dark: Colour, light: Colour, accent: Colour) -> list[Part]:
         Part("heading", shapes.joined([arrow, shapes.ring(0.58, 0.7, 0.03)]), accent, tinted=True),
         Part("glow", shapes.ring(0.0, 0.58, 0.025), accent, tinted=True, opacity=0.25),
     ]
+
+
+def sight_height(aspect: float) -> float:
+    """The camera's vertical field of view in rad, of a picture of that width to height."""
+    return 2 * math.atan(math.tan(SIGHT / 2) / aspect)
+
+
+def post() -> Mesh:
+    """An obstacle of a radius and a height of 1 m, to be scaled to what was seen."""
+    return shapes.lathe([(1.0, 0.0), (1.0, 0.9), (0.8, 0.98), (0.0, 1.0)], segments=24)
 
 
 def goal(colour: Colour) -> list[Part]:

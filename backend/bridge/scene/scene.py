@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from backend import telemetry
 from backend.bridge.scene.feed import Feed
+from backend.bridge.scene.latest import Latest
+from backend.bridge.scene.viewers import Viewers
 
 if TYPE_CHECKING:
     from backend.bridge.scene.stage import Stage
+
+RENEW_UNSEEN = 500_000
+RENEW_SEEN = 2_000_000
+"""Changes after which viser begins anew, while nobody looks and while somebody does. A new viewer waits for a walk
+through all of them, a quarter of a second for two millions; pages connect again within a second."""
 
 log = logging.getLogger(__name__)
 
@@ -23,20 +32,19 @@ class Scene:
     """viser and the telemetry that feeds it. `run` keeps it going; everything else may be asked meanwhile."""
 
     def __init__(self, robot_name: str, telemetry_url: str, secret: bytes) -> None:
+        self.viewers = Viewers()
         self._robot_name = robot_name
         self._feed = Feed(telemetry_url, secret, self._show, self._lost)
         self._stage: Stage | None = None  # set once viser runs
         self._started = asyncio.Event()  # set once viser runs, or has failed to
         self._watching = 0
+        self._cameras: set[Latest[bytes]] = set()  # of those who look through the robot's camera
+        self._shown: dict[type, telemetry.AnyMessage] = {}  # the last of each kind that stays true until the next
 
     async def run(self) -> None:
         """Start viser in a thread, as its import and start take a while, and feed it until cancelled."""
-        starting = asyncio.ensure_future(asyncio.to_thread(_make_stage, self._robot_name))
         try:
-            self._stage = await asyncio.shield(starting)
-        except asyncio.CancelledError:
-            (await starting).close()  # a thread cannot be cancelled
-            raise
+            self._stage = await self._new_stage()
         except Exception:
             log.exception("the scene cannot be started; all else goes on without it")
             return
@@ -54,29 +62,84 @@ class Scene:
             raise SceneDownError("The scene could not be started. The log of the bridge says why.")
         return self._stage.port
 
-    def viewer_came(self) -> None:
-        """Somebody looks: ask the robot for all there is to see."""
+    @contextmanager
+    def watched(self) -> Iterator[None]:
+        """Somebody looks meanwhile: the robot is asked for all there is to see."""
         self._watching += 1
-        self._feed.watch(True)
+        self._ask()
+        try:
+            yield
+        finally:
+            self._watching -= 1
+            self._ask()
 
-    def viewer_left(self) -> None:
-        """Somebody looks no more."""
-        self._watching -= 1
-        self._feed.watch(self._watching > 0)
+    @contextmanager
+    def pictures(self) -> Iterator[Latest[bytes]]:
+        """Somebody looks through the robot's camera meanwhile, and gets JPEG pictures."""
+        looker = Latest[bytes]()
+        self._cameras.add(looker)
+        self._ask()
+        try:
+            yield looker
+        finally:
+            self._cameras.remove(looker)
+            self._ask()
+
+    def _ask(self) -> None:
+        self._feed.watch(scene=self._watching > 0, camera=bool(self._cameras))
 
     async def _show(self, message: telemetry.AnyMessage) -> None:
         assert self._stage is not None  # noqa: S101 - the feed runs only while there is a stage
+        match message:
+            case telemetry.State():
+                self.viewers.robot_at(message.pose)
+                if not self._cameras:
+                    self._stage.camera_off()
+            case telemetry.Picture():
+                if not self._cameras:
+                    return  # it was on its way when the last one looked away
+                for looker in self._cameras:
+                    looker.put("picture", message.jpeg)
         if isinstance(message, telemetry.Map):
-            await asyncio.to_thread(self._stage.show, message)  # a floor to paint: too long for the event loop
+            painting = asyncio.ensure_future(
+                asyncio.to_thread(self._stage.show, message)
+            )  # too long for the event loop
+            try:
+                await asyncio.shield(painting)
+            finally:
+                await asyncio.wait([painting])  # a thread cannot be cancelled, and the stage closes after it
+            self.viewers.look_at(self._stage.extent, message.places)
         else:
             self._stage.show(message)
+        if isinstance(message, telemetry.Map | telemetry.Path | telemetry.State | telemetry.Hello):
+            self._shown[type(message)] = message
+        if self._stage.changes > (RENEW_SEEN if self._watching else RENEW_UNSEEN):
+            await self._renew()
+
+    async def _renew(self) -> None:
+        """Have viser number its changes from nought again. Pages lose their connection, and come back to the same."""
+        assert self._stage is not None  # noqa: S101 - see above
+        old, kept = self._stage, list(self._shown.values())
+        self._stage = await self._new_stage(old, kept)
+        await asyncio.to_thread(old.close)
+
+    async def _new_stage(self, old: Stage | None = None, kept: list[telemetry.AnyMessage] | None = None) -> Stage:
+        starting = asyncio.ensure_future(asyncio.to_thread(_make_stage, self._robot_name, old, kept or []))
+        try:
+            return await asyncio.shield(starting)
+        except asyncio.CancelledError:
+            (await starting).close()  # a thread cannot be cancelled
+            raise
 
     def _lost(self) -> None:
         if self._stage is not None:
             self._stage.lost()
 
 
-def _make_stage(robot_name: str) -> Stage:
+def _make_stage(robot_name: str, old: Stage | None, kept: list[telemetry.AnyMessage]) -> Stage:
     from backend.bridge.scene.stage import Stage  # viser comes with it, and takes its time
 
-    return Stage(robot_name)
+    stage = Stage(robot_name, old.trail if old is not None else None)
+    for message in kept:
+        stage.show(message)
+    return stage

@@ -13,8 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from backend.telemetry import Scan
+
 Floats = npt.NDArray[np.float32]
 Mask = npt.NDArray[np.bool_]
+Extent = tuple[float, float, float, float]
+"""A rectangle of the map (x0, y0, x1, y1), in m."""
 
 
 @dataclass(frozen=True)
@@ -83,9 +87,10 @@ def floor_picture(
     outside: tuple[int, int, int],
     scale: int = 3,
 ) -> npt.NDArray[np.uint8]:
-    """The floor, `scale` pixels a cell, first row at the largest y: free space with a fine line each metre.
+    """The floor, `scale` pixels a cell: free space with a fine line each metre.
 
-    `cells` is the grid of `telemetry.Map`, row 0 at the smallest y.
+    `cells` is the grid of `telemetry.Map`. Its row 0, and that of the picture, is at the smallest y: viser lays a
+    picture on the floor with its first row there.
     """
     height, width = cells.shape
     picture = np.empty((height * scale, width * scale, 3), np.uint8)
@@ -99,13 +104,11 @@ def floor_picture(
         on_line |= near[None, :] if axis == 1 else near[:, None]
     picture[inside] = free
     picture[inside & on_line] = line
-    return np.ascontiguousarray(picture[::-1])
+    return picture
 
 
-def extent(
-    cells: npt.NDArray[np.uint8], resolution: float, origin: tuple[float, float]
-) -> tuple[float, float, float, float]:
-    """The smallest rectangle (x0, y0, x1, y1) around all that is known of the map; all of it when nothing is."""
+def extent(cells: npt.NDArray[np.uint8], resolution: float, origin: tuple[float, float]) -> Extent:
+    """The smallest rectangle around all that is known of the map; all of it when nothing is."""
     known = cells != 255
     rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
     if not len(rows):
@@ -166,18 +169,14 @@ def segments_of(points: Sequence[tuple[float, float]], z: float) -> Floats:
     return np.stack([line[:-1], line[1:]], axis=1)
 
 
-def hits(angle_min: float, angle_increment: float, ranges: Sequence[float], range_max: float, z: float) -> Floats:
-    """The points (N, 3) of a laser scan that hit something, in the frame of the laser; one far below the
-    floor where nothing was hit, as a cloud cannot be empty."""
-    distance = np.asarray(ranges, np.float32)
-    angle = angle_min + angle_increment * np.arange(len(distance), dtype=np.float32)
-    hit = np.isfinite(distance) & (distance < range_max) & (distance > 0)
-    if not hit.any():
-        return np.array([[0, 0, -100]], np.float32)
+def hits(scan: Scan, z: float) -> Floats:
+    """The points (N, 3) of the map frame where a laser scan hit something, at height `z`, in the order of the scan."""
+    distance = np.asarray(scan.ranges, float)
+    angle = scan.pose.yaw + scan.angle_min + scan.angle_increment * np.arange(len(distance))
+    hit = np.isfinite(distance) & (distance < scan.range_max) & (distance > 0)
     distance, angle = distance[hit], angle[hit]
-    return np.column_stack(
-        [distance * np.cos(angle), distance * np.sin(angle), np.full(len(distance), z, np.float32)]
-    ).astype(np.float32)
+    x, y = scan.pose.x + distance * np.cos(angle), scan.pose.y + distance * np.sin(angle)
+    return np.column_stack([x, y, np.full(len(distance), z)]).astype(np.float32)
 
 
 def _quad(corners: Sequence[tuple[float, float, float]]) -> Mesh:

@@ -1,0 +1,180 @@
+"""Where a viewer's camera is put, and when it is left alone: the state machine, told what happens."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from backend.bridge.scene import picking
+from backend.bridge.scene.camera import TYPICAL_ASPECT, View, behind, fitting, overhead
+from backend.bridge.scene.eye import SETTLING, Eye, Report
+from backend.bridge.scene.viser_wire import Click
+from backend.telemetry import Place, Pose
+
+EXTENT = (0.0, 0.0, 24.0, 14.0)
+ROBOT = Pose(5.0, 6.0, 0.5)
+ORIGIN = View((3.0, 3.0, 3.0), (0.0, 0.0, 0.0))
+"""Where viser's page begins."""
+ELSEWHERE = View((4.0, 4.0, 4.0), (5.0, 5.0, 0.0))
+LATER = SETTLING + 1.0
+
+
+def opened(view: View = ORIGIN, aspect: float = 1.5) -> Eye:
+    """An eye whose page has said where it stands, at the time 0."""
+    eye = Eye(EXTENT, ROBOT)
+    put = eye.reported(Report(view, aspect), 0.0)
+    if put is not None:
+        assert eye.reported(Report(put, aspect), 0.1) is None
+    return eye
+
+
+def test_a_page_that_opens_is_shown_the_whole_map_in_its_own_shape():
+    for begin in (ORIGIN, fitting(EXTENT, TYPICAL_ASPECT)):
+        eye = Eye(EXTENT, ROBOT)
+        assert eye.reported(Report(begin, 0.6), 0.0) == fitting(EXTENT, 0.6)
+        assert eye.view == "map"
+
+
+def test_a_page_that_connects_again_stands_where_its_viewer_left_it():
+    eye = opened(ELSEWHERE)
+    assert eye.view == "free"
+    assert eye.robot_at(Pose(7, 7, 0), 9.0) is None
+    assert eye.look_at((0, 0, 5, 5)) is None
+
+
+def test_a_page_of_before_a_restart_of_the_bridge_is_recognised():
+    mine = fitting(EXTENT, 1.5)
+    assert opened(mine).view == "map"
+    eye = Eye((-5.0, -5.0, 5.0, 5.0), None)  # no map yet
+    assert eye.reported(Report(mine, 1.5), 0.0) is None
+    assert eye.view == "free"
+    assert eye.look_at(EXTENT) is None  # it stands there already
+    assert eye.view == "map"
+
+
+def test_a_pane_that_changes_its_shape_sees_the_whole_map_again():
+    eye = opened()
+    assert eye.reported(Report(fitting(EXTENT, 1.5), 0.7), LATER) == fitting(EXTENT, 0.7)
+
+
+def test_the_initial_view_that_a_slow_page_applies_late_is_not_its_viewers_choice():
+    eye = opened()
+    late = Report(fitting(EXTENT, TYPICAL_ASPECT), 1.5)
+    assert eye.reported(late, LATER) == fitting(EXTENT, 1.5)
+    assert eye.view == "map"
+
+
+@pytest.mark.parametrize("view", ["map", "top", "follow"])
+def test_a_camera_that_its_viewer_has_moved_is_not_moved_again(view):
+    eye = opened()
+    eye.choose(view, 0.2)
+    assert eye.reported(Report(ELSEWHERE, 1.5), LATER) is None
+    assert eye.view == "free"
+    assert eye.robot_at(Pose(9, 9, 0), LATER + 1) is None
+    assert eye.reported(Report(ELSEWHERE, 0.5), LATER + 1) is None
+    assert eye.look_at((0, 0, 9, 9)) is None
+
+
+def test_a_viewer_who_takes_the_camera_in_hand_is_free_at_once():
+    eye = opened()
+    eye.choose("follow", 0.2)
+    eye.moved()
+    assert eye.view == "free"
+    assert eye.robot_at(Pose(9, 9, 0), 0.3) is None
+
+
+def test_each_view_stands_where_it_says():
+    eye = opened()
+    assert eye.choose("top", 1.0) == overhead(EXTENT, 1.5)
+    assert eye.choose("follow", 2.0) == behind(ROBOT, 1.5)
+    assert eye.choose("map", 3.0) == fitting(EXTENT, 1.5)
+    assert eye.choose("map", 4.0) == fitting(EXTENT, 1.5)  # asked for again: put there again
+
+
+def test_a_wish_brings_a_freed_camera_back_although_old_reports_are_on_their_way():
+    eye = opened(ELSEWHERE)
+    assert eye.choose("map", 5.0) == fitting(EXTENT, 1.5)
+    eye.reported(Report(ELSEWHERE, 1.5), 5.1)
+    assert eye.view == "map"
+
+
+def test_a_wish_before_the_page_opens_counts_when_it_opens():
+    eye = Eye(EXTENT, ROBOT)
+    assert eye.choose("follow", 0.0) is None
+    assert eye.reported(Report(ELSEWHERE, 1.5), 3.0) == behind(ROBOT, 1.5)
+
+
+def test_following_goes_on_while_the_page_echoes_where_it_was_put():
+    eye = opened()
+    put = [eye.choose("follow", 1.0)]
+    for step in range(1, 200):
+        now = 1.0 + step * 0.05
+        put.append(eye.robot_at(Pose(5.0 + step * 0.03, 6.0, 0.5), now))
+        late = put[max(0, step - 20)]  # a second behind
+        assert eye.reported(Report(late, 1.5), now) is None
+    assert eye.view == "follow"
+    assert put[-1].look_at[0] - put[1].look_at[0] == pytest.approx(198 * 0.03)
+
+
+def test_following_a_robot_that_stands_costs_nothing():
+    eye = opened()
+    eye.choose("follow", 1.0)
+    assert [eye.robot_at(ROBOT, 1.0 + i * 0.05) for i in range(20)] == [None] * 20
+
+
+def test_the_camera_turns_calmly_with_the_robot_and_the_short_way():
+    eye = opened()
+    eye.robot_at(Pose(0, 0, 3.0), 1.0)
+    eye.choose("follow", 1.0)
+
+    def heading(view: View) -> float:
+        return math.atan2(view.look_at[1] - view.position[1], view.look_at[0] - view.position[0])
+
+    before, turned = 3.0, 0.0
+    for i in range(1, 100):
+        view = eye.robot_at(Pose(0, 0, -3.0), 1.0 + i * 0.05)
+        if view is None:
+            break
+        step = math.remainder(heading(view) - before, math.tau)
+        assert 0.0 <= step < 0.1
+        before, turned = heading(view), turned + step
+    assert turned == pytest.approx(math.tau - 6.0, abs=0.01)
+
+
+def test_a_robot_that_is_set_down_elsewhere_is_followed_there_at_once():
+    eye = opened()
+    eye.choose("follow", 1.0)
+    assert eye.robot_at(Pose(20, 3, -2.0), 1.05) == behind(Pose(20, 3, -2.0), 1.5)
+
+
+def test_without_a_robot_there_is_nothing_to_follow_until_it_comes():
+    eye = Eye(EXTENT, None)
+    eye.reported(Report(ORIGIN, 1.5), 0.0)
+    assert eye.choose("follow", 0.5) is None
+    assert eye.robot_at(ROBOT, 1.0) == behind(ROBOT, 1.5)
+
+
+@pytest.mark.parametrize("aspect", [0.4, 1.0, 2.5])
+def test_whoever_follows_sees_the_robot_from_behind_and_above(aspect):
+    view = behind(Pose(5.0, 6.0, math.pi / 2), aspect)
+    assert view.position[0] == pytest.approx(5.0)
+    assert view.position[1] < 6.0 < view.look_at[1]
+    assert view.position[2] > 2.0
+
+
+PLACES = [Place("k", "kitchen", "space", Pose(4.0, 8.0, 0.0)), Place("l", "lab", "space", Pose(4.0, 5.5, 0.0))]
+
+
+def test_a_click_means_the_point_of_the_floor_below_it():
+    assert picking.on_floor(Click((2.0, 3.0, 10.0), (0.1, 0.2, -1.0)), EXTENT) == pytest.approx((3.0, 5.0))
+    for miss in (((2, 3, 10), (0, 0, 1)), ((2, 3, 10), (1, 0, 0)), ((2, 3, -1), (0, 0, -1)), ((90, 3, 9), (0, 0, -1))):
+        assert picking.on_floor(Click(*miss), EXTENT) is None
+
+
+def test_a_click_near_a_place_or_on_its_name_means_the_place():
+    assert picking.place_at((4.0, 8.9), PLACES) == "kitchen"
+    assert picking.place_at((4.3, 7.1), PLACES) == "kitchen"  # its name stands there
+    assert picking.place_at((4.0, 4.6), PLACES) == "lab"
+    assert picking.place_at((4.0, 9.1), PLACES) is None
+    assert picking.place_at((6.0, 6.0), PLACES) is None
