@@ -10,6 +10,8 @@ import "./styles/sessions.css";
 import "./styles/conversation.css";
 import "./styles/question.css";
 import "./styles/scene.css";
+import "./styles/scene-bar.css";
+import "./styles/camera.css";
 import "./styles/overlays.css";
 
 const root = document.getElementById("root");

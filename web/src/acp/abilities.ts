@@ -1,6 +1,7 @@
 /** Where the robot can be sent and what its tools are, as the agent tells it in `_robot/abilities`. */
-import type { ClientContext } from "@agentclientprotocol/sdk";
+import { setState } from "../state/store";
 import { asString, isRecord } from "./meta";
+import { theAgent } from "./sessions";
 
 export interface Place {
   name: string;
@@ -14,9 +15,15 @@ export interface Abilities {
   tools: string[];
 }
 
-/** Throws what the request throws; an agent that does not know it refuses. */
-export async function askAbilities(peer: ClientContext): Promise<Abilities> {
-  return parseAbilities(await peer.request("_robot/abilities", {}));
+/** Asks for them and keeps what is told. When nobody can tell, what was known stays. */
+export async function learnAbilities(): Promise<void> {
+  const peer = theAgent();
+  if (peer === null) return;
+  try {
+    setState({ abilities: parseAbilities(await peer.request("_robot/abilities", {})) });
+  } catch {
+    // The robot is away, or the agent another one that does not know this.
+  }
 }
 
 export function parseAbilities(answer: unknown): Abilities {

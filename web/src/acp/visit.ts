@@ -6,7 +6,7 @@ import { methods, RequestError, type ClientContext } from "@agentclientprotocol/
 import { EMPTY } from "../state/conversation";
 import { modelSetting } from "../state/settings";
 import { getState, setState } from "../state/store";
-import { askAbilities } from "./abilities";
+import { learnAbilities } from "./abilities";
 import { end, start } from "./connection";
 import { attach, load, send, theAgent } from "./sessions";
 
@@ -53,13 +53,7 @@ export function startKiosk(): () => void {
 
 /** What the robot can do, asked until it is known. */
 async function learn(): Promise<void> {
-  const peer = theAgent();
-  if (peer === null || getState().abilities !== null) return;
-  try {
-    setState({ abilities: await askAbilities(peer) });
-  } catch {
-    // The robot is away, or the agent another one: it is asked again.
-  }
+  if (getState().abilities === null) await learnAbilities();
 }
 
 /** After the connection was lost in the middle of a visit. */

@@ -3,23 +3,9 @@ import { CircleStop, SendHorizontal } from "lucide-react";
 import { useLayoutEffect, useRef, type KeyboardEvent } from "react";
 import { useTranslation } from "react-i18next";
 import { cancelTurn, prompt } from "../acp/sessions";
-import { canPrompt } from "../state/rights";
+import { useWhyNot } from "../hooks/use-why-not";
 import { robotName, useConversation, useMe, useStore } from "../state/store";
 import { COMPOSER_ID, useComposerText } from "./composer-text";
-
-type Reason = "viewer" | "disconnected" | "opening" | "running";
-
-/** Why nothing can be sent right now; null when something can. */
-function useReason(): Reason | null {
-  const me = useMe();
-  const online = useStore((state) => state.link.status === "online");
-  const ready = useStore((state) => state.currentId !== null && state.attached.has(state.currentId));
-  const running = useConversation().turn !== null;
-  if (!canPrompt(me.role)) return "viewer";
-  if (!online) return "disconnected";
-  if (!ready) return "opening";
-  return running ? "running" : null;
-}
 
 export function Composer() {
   const { t } = useTranslation();
@@ -27,7 +13,7 @@ export function Composer() {
   const robot = useStore(robotName);
   const text = useComposerText((state) => state.text);
   const { turn } = useConversation();
-  const reason = useReason();
+  const reason = useWhyNot();
   const online = useStore((state) => state.link.status === "online");
   const field = useRef<HTMLTextAreaElement>(null);
   // As high as its text, up to what the style sheet allows.

@@ -4,7 +4,7 @@ import { useTranslation } from "react-i18next";
 import { degrees, fixed, metres, percent, seconds, speed } from "../i18n/format";
 import { useRobotState } from "../hooks/use-robot-state";
 import { robotName, useStore } from "../state/store";
-import { Scene } from "./scene";
+import { SceneView } from "./scene-view";
 
 /** `lazy`: the map costs power and data, so a phone loads it when it is looked at first, and keeps it then. */
 export function ScenePane({ hidden, lazy }: { hidden: boolean; lazy: boolean }) {
@@ -13,7 +13,7 @@ export function ScenePane({ hidden, lazy }: { hidden: boolean; lazy: boolean }) 
   if (!hidden && !wanted) setWanted(true);
   return (
     <section className="pane scene" aria-label={t("scene.title")} data-hidden={hidden} inert={hidden}>
-      <div className="scene-view">{wanted && <Scene />}</div>
+      {wanted ? <SceneView shown={!hidden} alone={lazy} /> : <div className="scene-view" />}
       <StatusList />
     </section>
   );

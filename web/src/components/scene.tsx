@@ -4,14 +4,15 @@ import { useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { robotName, useStore } from "../state/store";
 
-const SCENE = "/scene/";
 const ASK_AGAIN_MS = 5000;
 
-export function Scene() {
+/** `viewer`: the name under which this page steers its camera and picks; without one it can only be looked at. */
+export function Scene({ viewer }: { viewer?: string }) {
   const { t } = useTranslation();
   const robot = useStore(robotName);
-  const there = useSceneThere();
-  if (there === true) return <iframe src={SCENE} title={t("scene.frame", { robot })} />;
+  const address = viewer === undefined ? "/scene/" : `/scene/${viewer}/`;
+  const there = useSceneThere(address);
+  if (there === true) return <iframe src={address} title={t("scene.frame", { robot })} />;
   return (
     <div className="scene-none">
       {there === false && (
@@ -26,14 +27,14 @@ export function Scene() {
 }
 
 /** Whether the scene answers; asked until it does. Null while nobody knows. */
-function useSceneThere(): boolean | null {
+function useSceneThere(address: string): boolean | null {
   const [there, setThere] = useState<boolean | null>(null);
   const online = useStore((state) => state.reachable);
   useEffect(() => {
     if (there === true || !online) return;
     let over = false;
     const ask = async (): Promise<void> => {
-      const answer = await fetch(SCENE, { credentials: "same-origin" }).catch(() => null);
+      const answer = await fetch(address, { credentials: "same-origin" }).catch(() => null);
       const type = answer?.headers.get("Content-Type") ?? "";
       await answer?.body?.cancel().catch(() => undefined);
       if (!over) setThere(answer?.ok === true && type.startsWith("text/html"));
@@ -44,6 +45,6 @@ function useSceneThere(): boolean | null {
       over = true;
       clearInterval(timer);
     };
-  }, [there, online]);
+  }, [address, there, online]);
   return there;
 }

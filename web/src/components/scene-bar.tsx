@@ -1,0 +1,67 @@
+/** The buttons over the map: where its camera stands, where the robot is sent, and what the robot sees. */
+import { Camera, LocateFixed, Map, MapPin, ScanEye } from "lucide-react";
+import type { Ref } from "react";
+import { useTranslation } from "react-i18next";
+import { VIEWS, type ShownView, type View } from "../scene/scene-link";
+import { canPrompt } from "../state/rights";
+import { useMe } from "../state/store";
+
+const ICONS = { follow: LocateFixed, top: ScanEye, map: Map };
+
+export interface SceneBarProps {
+  view: ShownView | null;
+  onView: (view: View) => void;
+  going: boolean;
+  onGoing: (going: boolean) => void;
+  goButton: Ref<HTMLButtonElement>;
+  camera: boolean;
+  onCamera: (open: boolean) => void;
+}
+
+export function SceneBar({ view: shown, onView, going, onGoing, goButton, camera, onCamera }: SceneBarProps) {
+  const { t } = useTranslation();
+  const me = useMe();
+  return (
+    <div className="scene-tools">
+      <div className="scene-views" role="group" aria-label={t("view.label")}>
+        {VIEWS.map((view) => {
+          const Icon = ICONS[view];
+          return (
+            <button
+              key={view}
+              type="button"
+              className="scene-tool"
+              data-testid={`view-${view}`}
+              aria-pressed={shown === view}
+              disabled={shown === null}
+              onClick={() => onView(view)}
+            >
+              <Icon aria-hidden /> {t(`view.${view}`)}
+            </button>
+          );
+        })}
+      </div>
+      {canPrompt(me.role) && (
+        <button
+          type="button"
+          className="scene-tool single"
+          data-testid="go-here"
+          ref={goButton}
+          aria-expanded={going}
+          onClick={() => onGoing(!going)}
+        >
+          <MapPin aria-hidden /> {t("goHere.button")}
+        </button>
+      )}
+      <button
+        type="button"
+        className="scene-tool single scene-tool-last"
+        data-testid="camera"
+        aria-pressed={camera}
+        onClick={() => onCamera(!camera)}
+      >
+        <Camera aria-hidden /> <span className="scene-tool-word">{t("camera.title")}</span>
+      </button>
+    </div>
+  );
+}

@@ -1,0 +1,74 @@
+/** The live map with its buttons and the camera's picture. */
+import { useCallback, useRef, useState } from "react";
+import { useTranslation } from "react-i18next";
+import { useSceneLink, VIEWER } from "../hooks/use-scene-link";
+import { keepCamera, keptCamera } from "../scene/camera-choice";
+import { destinationOf, type Destination } from "../scene/destination";
+import type { Picked } from "../scene/scene-link";
+import { toast } from "../state/store";
+import { CameraView } from "./camera-view";
+import { GoHere } from "./go-here";
+import { Scene } from "./scene";
+import { SceneBar } from "./scene-bar";
+
+/** `alone`: nothing else is on the screen, as on a phone. */
+export function SceneView({ shown, alone }: { shown: boolean; alone: boolean }) {
+  const { t } = useTranslation();
+  const [camera, setCamera] = useState(() => keptCamera() ?? !alone);
+  const [large, setLarge] = useState(false);
+  const [going, setGoing] = useState(false);
+  const [destination, setDestination] = useState<Destination | null>(null);
+  const [refused, setRefused] = useState<string | null>(null);
+  const goButton = useRef<HTMLButtonElement>(null);
+  const onPicked = useCallback((picked: Picked) => setDestination(destinationOf(picked)), []);
+  const { view, show, pick } = useSceneLink(onPicked, setRefused);
+
+  const openCamera = (open: boolean): void => {
+    keepCamera(open);
+    setCamera(open);
+    setLarge(false);
+  };
+  const go = (on: boolean): void => {
+    setDestination(null);
+    setRefused(null);
+    setGoing(on);
+    pick(on);
+  };
+  const over = (asked: string | null): void => {
+    go(false);
+    goButton.current?.focus();
+    // Elsewhere the conversation beside the map shows it.
+    if (asked !== null && alone) toast("info", t("goHere.sent", { what: asked }));
+  };
+  return (
+    <div className="scene-view">
+      <div className="scene-main" inert={large}>
+        <div className="scene-bar">
+          <SceneBar
+            view={view}
+            onView={show}
+            going={going}
+            onGoing={go}
+            goButton={goButton}
+            camera={camera}
+            onCamera={openCamera}
+          />
+          {going && (
+            <GoHere
+              destination={destination}
+              refused={refused}
+              onDestination={setDestination}
+              onOver={over}
+            />
+          )}
+        </div>
+        <div className="scene-map">
+          <Scene viewer={VIEWER} />
+        </div>
+      </div>
+      {camera && (
+        <CameraView shown={shown} large={large} onLarge={setLarge} onClose={() => openCamera(false)} />
+      )}
+    </div>
+  );
+}

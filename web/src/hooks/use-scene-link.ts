@@ -1,0 +1,44 @@
+/** The control socket of the scene, for components: opened with the map, ended with it. */
+import { useCallback, useEffect, useRef, useState } from "react";
+import { newViewer, SceneLink, type Picked, type ShownView, type View } from "../scene/scene-link";
+import { useStore } from "../state/store";
+
+/** The one viewer that this page is, however often it connects. */
+export const VIEWER = newViewer();
+
+export interface SceneControl {
+  /** Where the camera stands; null while nobody knows. */
+  view: ShownView | null;
+  show: (view: View) => void;
+  pick: (on: boolean) => void;
+}
+
+/** `onPicked` and `onRefused` have to stay the same functions. */
+export function useSceneLink(
+  onPicked: (picked: Picked) => void,
+  onRefused: (sentence: string) => void,
+): SceneControl {
+  const link = useRef<SceneLink | null>(null);
+  const [view, setView] = useState<ShownView | null>(null);
+  const reachable = useStore((state) => state.reachable);
+
+  useEffect(() => {
+    const made = new SceneLink(VIEWER, { onView: setView, onPicked, onRefused });
+    link.current = made;
+    return () => {
+      link.current = null;
+      made.end();
+    };
+  }, [onPicked, onRefused]);
+
+  // A browser does not notice a cable that was pulled out.
+  useEffect(() => {
+    if (!reachable) link.current?.drop();
+  }, [reachable]);
+
+  return {
+    view,
+    show: useCallback((wanted: View) => link.current?.show(wanted), []),
+    pick: useCallback((on: boolean) => link.current?.pick(on), []),
+  };
+}
