@@ -3,7 +3,9 @@ import { useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { startDashboard } from "../acp/dashboard";
 import { useLayout } from "../hooks/use-media";
+import { recordSamples } from "../state/samples";
 import { robotName, useStore } from "../state/store";
+import { ActivityPanel } from "./activity-panel";
 import { ConnectionBand } from "./connection-band";
 import { Header } from "./header";
 import { PhoneTabs, type Tab } from "./phone-tabs";
@@ -22,6 +24,7 @@ export default function Dashboard() {
   useDocumentTitle();
 
   useEffect(startDashboard, []);
+  useEffect(recordSamples, []);
 
   const phone = layout === "phone";
   const showQuestion = (): void => {
@@ -46,7 +49,10 @@ export default function Dashboard() {
         {layout === "wide" && <SessionPane onChosen={() => undefined} />}
         {phone && tab === "sessions" && <SessionPane onChosen={() => setTab("talk")} />}
         <TalkPane hidden={phone && tab !== "talk"} />
-        <ScenePane hidden={phone && tab !== "map"} lazy={phone} />
+        <div className="side">
+          <ScenePane hidden={phone && tab !== "map"} lazy={phone} />
+          <ActivityPanel layout={layout} hidden={phone && tab !== "log"} />
+        </div>
       </main>
       {layout === "medium" && <SessionDrawer open={drawer} onOpenChange={setDrawer} />}
       {phone && <PhoneTabs tab={tab} onTab={setTab} />}

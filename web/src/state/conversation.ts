@@ -7,6 +7,7 @@ import type {
   ToolCallContent,
 } from "@agentclientprotocol/sdk";
 import type { Decision, Progress, Waiting } from "../acp/meta";
+import type { Timeline } from "./timeline";
 
 export type ToolStatus = "pending" | "in_progress" | "completed" | "failed";
 
@@ -82,6 +83,8 @@ export interface Conversation {
   title: string | null;
   modes: Modes | null;
   options: SessionConfigOption[];
+  /** What the turn that runs, or else the last one, spends its time on; null before the first. */
+  timeline: Timeline | null;
 }
 
 export const EMPTY: Conversation = {
@@ -92,4 +95,5 @@ export const EMPTY: Conversation = {
   title: null,
   modes: null,
   options: [],
+  timeline: null,
 };
