@@ -2,8 +2,8 @@
 import { useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { startDashboard } from "../acp/dashboard";
+import { recordSamples } from "../acp/record-samples";
 import { useLayout } from "../hooks/use-media";
-import { recordSamples } from "../state/samples";
 import { robotName, useStore } from "../state/store";
 import { ActivityPanel } from "./activity-panel";
 import { ConnectionBand } from "./connection-band";

@@ -5,10 +5,10 @@
 import { ChevronFirst, ChevronLast, ChevronLeft, ChevronRight, Download, Search } from "lucide-react";
 import { useEffect, useMemo, useState, useSyncExternalStore } from "react";
 import { useTranslation } from "react-i18next";
+import { EventLog, type Snapshot } from "../acp/event-log";
 import { listen } from "../acp/events";
 import { asLines, readEvents } from "../acp/log-pages";
 import { useStickToEnd } from "../hooks/use-stick-to-end";
-import { EventLog, type Snapshot } from "../state/event-log";
 import { FILTERS, fileName, matching, MOST, type Filter, type Kind, type Row } from "../state/log";
 import { getState, robotName, toast, useStore } from "../state/store";
 import { LogRow } from "./log-row";

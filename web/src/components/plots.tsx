@@ -6,8 +6,9 @@ import { useEffect, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
+import { samples } from "../acp/record-samples";
 import { fixed, percent, speed } from "../i18n/format";
-import { QUANTITIES, rangeOf, samples, SPAN_S, type Quantity, type Range } from "../state/samples";
+import { QUANTITIES, rangeOf, SPAN_S, type Quantity, type Range } from "../state/samples";
 
 const DRAW_MS = 500;
 const HEIGHT = 44;

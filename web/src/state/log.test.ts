@@ -1,10 +1,8 @@
-/** The log: what its rows say, what is found in it, that it has no gap, and that it stays small. */
+/** The rows of the log: what they say, what is found, and that they are small. */
 import type { SessionUpdate } from "@agentclientprotocol/sdk";
-import { beforeEach, describe, expect, it, vi } from "vitest";
+import { describe, expect, it } from "vitest";
 import type { Event } from "../acp/events";
-import { NoLog, type Page } from "../acp/log-pages";
-import { EventLog } from "./event-log";
-import { FILTERS, fileName, matching, MOST, rowOf, type Filter, type Kind, type Row } from "./log";
+import { FILTERS, fileName, matching, rowOf, type Filter, type Kind } from "./log";
 
 const said = (text: string): SessionUpdate => ({
   sessionUpdate: "agent_message_chunk",
@@ -15,8 +13,6 @@ const event = (seq: number, update: SessionUpdate = said(`words ${seq}`)): Event
   at: seq,
   update,
 });
-const events = (from: number, to: number): Event[] =>
-  Array.from({ length: to - from + 1 }, (_, index) => event(from + index));
 
 describe("a row", () => {
   const titles = new Map<string, string>();
@@ -94,79 +90,4 @@ it("names the file so that every system takes it", () => {
     "sancho-2026-11-05-go-to-lab-2-3-7-rapido.jsonl",
   );
   expect(fileName("机器人", null, "0123456789ab", day)).toBe("2026-11-05-01234567.jsonl");
-});
-
-describe("the log of a session", () => {
-  let kept: Event[];
-  let reads: number[];
-  const read = (after: number): Promise<Page> => {
-    reads.push(after);
-    const page = kept.filter(({ seq }) => seq > after).slice(0, 100);
-    return Promise.resolve({ events: page, last: kept.length });
-  };
-  const numbers = (rows: readonly Row[]): number[] => rows.map(({ seq }) => seq);
-  const shows = (log: EventLog, upto: number): Promise<void> =>
-    vi.waitFor(() => expect(numbers(log.get().rows)).toEqual(events(1, upto).map(({ seq }) => seq)));
-
-  beforeEach(() => {
-    kept = events(1, 250);
-    reads = [];
-  });
-
-  it("is read to its end, page by page", async () => {
-    const log = new EventLog(read);
-    await log.catchUp();
-    await shows(log, 250);
-    expect(reads).toEqual([0, 100, 200]);
-    expect(log.get().standing).toBe("ready");
-  });
-
-  it("goes on with what comes, and asks for nothing that came", async () => {
-    const log = new EventLog(read);
-    await log.catchUp();
-    for (const more of events(251, 260)) log.take(more);
-    log.take(event(255));
-    await shows(log, 260);
-    expect(reads).toHaveLength(3);
-  });
-
-  it("fetches what did not come, as one's own prompt", async () => {
-    const log = new EventLog(read);
-    await log.catchUp();
-    kept = events(1, 252);
-    log.take(event(252));
-    await shows(log, 252);
-    expect(reads.at(-1)).toBe(250);
-  });
-
-  it("misses nothing that comes while it reads", async () => {
-    const log = new EventLog((after) => {
-      if (after === 200) {
-        kept = events(1, 255);
-        for (const more of events(251, 255)) log.take(more);
-      }
-      return read(after);
-    });
-    await log.catchUp();
-    await shows(log, 255);
-  });
-
-  it("waits for the connection, and says when an agent has no log", async () => {
-    const lost = new EventLog(() => Promise.reject(new Error("lost")));
-    await lost.catchUp();
-    await vi.waitFor(() => expect(lost.get().standing).toBe("behind"));
-    const none = new EventLog(() => Promise.reject(new NoLog()));
-    await none.catchUp();
-    await vi.waitFor(() => expect(none.get().standing).toBe("none"));
-  });
-
-  it("keeps the newest rows alone, however long the session is", async () => {
-    kept = [];
-    const log = new EventLog(read);
-    await log.catchUp();
-    for (const more of events(1, MOST + 500)) log.take(more);
-    await vi.waitFor(() => expect(log.get().rows.at(-1)?.seq).toBe(MOST + 500));
-    expect(log.get().rows).toHaveLength(MOST);
-    expect(log.get().rows[0]?.seq).toBe(501);
-  });
 });

@@ -1,8 +1,7 @@
-/** The robot's speed, battery and link over the last five minutes, for the plots: two values a second at most, no more. */
-import { useStore, type State } from "./store";
+/** The robot's speed, battery and link over the last five minutes, for the plots: a ring of fixed size. */
 
 export const SPAN_S = 300;
-const EVERY_MS = 500;
+export const EVERY_MS = 500;
 const CAPACITY = (SPAN_S * 1000) / EVERY_MS;
 
 export const QUANTITIES = ["speed", "battery", "link"] as const;
@@ -61,31 +60,4 @@ export function rangeOf({ values }: Series): Range {
   const now = values.at(-1) ?? null;
   if (known.length === 0) return { now, least: null, most: null };
   return { now, least: Math.min(...known), most: Math.max(...known) };
-}
-
-/** Those of this page. */
-export const samples = new Samples();
-
-/** Follows the robot; returns what ends it. */
-export function recordSamples(): () => void {
-  let last = 0;
-  return useStore.subscribe((state, before) => {
-    if (state.telemetry === before.telemetry && state.latencyMs === before.latencyMs) return;
-    const now = Date.now();
-    const lost = state.telemetry === null && before.telemetry !== null;
-    // Telemetry comes five times a second, with a little unrest.
-    if (now - last < EVERY_MS - 50 && !lost) return;
-    last = now;
-    samples.add(now / 1000, valuesOf(state));
-  });
-}
-
-function valuesOf({ telemetry, latencyMs }: State): Values {
-  const speed = telemetry?.online === true ? telemetry.linear : null;
-  const battery = telemetry?.online === true ? telemetry.battery : null;
-  return {
-    speed: speed === null ? null : Math.abs(speed),
-    battery: battery === null ? null : battery * 100,
-    link: latencyMs,
-  };
 }

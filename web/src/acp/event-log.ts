@@ -2,9 +2,9 @@
  * The log of one session while somebody looks at it: read from the agent, then kept up with what comes. A number that is
  * missing, as that of one's own prompt, which the agent does not send back, is asked for; so there is never a gap.
  */
-import type { Event } from "../acp/events";
-import { NoLog, type Page } from "../acp/log-pages";
-import { MOST, rowOf, type Row, type Titles } from "./log";
+import type { Event } from "./events";
+import { NoLog, type Page } from "./log-pages";
+import { MOST, rowOf, type Row, type Titles } from "../state/log";
 
 /** `behind`: the connection was lost; it goes on with `catchUp`. */
 export type Standing = "reading" | "ready" | "behind" | "none";
