@@ -2,6 +2,7 @@
  * Reads what robot-acp puts under `_meta` of ACP messages. Whatever comes from the wire is unknown until it has
  * passed through here; a field of the wrong shape counts as absent, never as an error.
  */
+import { PHASES, type Phase, type Seconds } from "../state/phases";
 
 export type Meta = Record<string, unknown> | null | undefined;
 
@@ -45,6 +46,11 @@ export function asNumber(value: unknown): number | null {
 
 export function seqOf(meta: Meta): number | null {
   return asNumber(meta?.["robot-acp/seq"]);
+}
+
+/** When the event was recorded, in Unix seconds by the agent's clock. */
+export function atOf(meta: Meta): number | null {
+  return asNumber(meta?.["robot-acp/at"]);
 }
 
 export function authorOf(meta: Meta): string | null {
@@ -93,6 +99,19 @@ export function rememberedOf(meta: Meta): Record<string, boolean> | null {
   return Object.fromEntries(
     Object.entries(remembered).filter((entry): entry is [string, boolean] => typeof entry[1] === "boolean"),
   );
+}
+
+/** What the time of a tool call counts as. */
+export function phaseOf(meta: Meta): Phase | null {
+  return PHASES.find((phase) => phase === meta?.["robot-acp/phase"]) ?? null;
+}
+
+/** What a turn took, in s by phase. */
+export function phasesOf(meta: Meta): Seconds | null {
+  const phases = meta?.["robot-acp/phases"];
+  if (!isRecord(phases) || asNumber(phases["total"]) === null) return null;
+  const told = [...PHASES, "total"].map((phase) => [phase, Math.max(0, asNumber(phases[phase]) ?? 0)]);
+  return Object.fromEntries(told) as Seconds;
 }
 
 export function decisionOf(meta: Meta): Decision | null {

@@ -15,7 +15,9 @@ import { EMPTY, type Conversation } from "../state/conversation";
 import { cancelAsked, opened, promptEnded, promptFailed, promptSent, sessionReducer } from "../state/reducer";
 import type { Setting } from "../state/settings";
 import { getState, setState, toast } from "../state/store";
-import { decisionOf } from "./meta";
+import { agentNow, hear } from "./agent-clock";
+import { tell } from "./events";
+import { atOf, decisionOf } from "./meta";
 import { closeQuestionsOf, decided } from "./questions";
 import { rememberSession, sessionOfAddress } from "./address";
 
@@ -40,6 +42,12 @@ function change(sessionId: string, fn: (conversation: Conversation) => Conversat
   });
 }
 
+/** For the timeline: an agent that does not tell when something happened tells it when it happens. */
+function dated(notification: SessionNotification): SessionNotification {
+  if (atOf(notification._meta) !== null) return notification;
+  return { ...notification, _meta: { ...notification._meta, "robot-acp/at": agentNow() } };
+}
+
 /** Takes in one update: into the replay that is under way, else into what is on the screen. */
 export function receive(notification: SessionNotification): void {
   const { sessionId, update } = notification;
@@ -47,8 +55,10 @@ export function receive(notification: SessionNotification): void {
   if (draft !== undefined) {
     setState((state) => ({ drafts: { ...state.drafts, [sessionId]: sessionReducer(draft, notification) } }));
   } else {
-    change(sessionId, (conversation) => sessionReducer(conversation, notification));
+    hear(atOf(notification._meta));
+    change(sessionId, (conversation) => sessionReducer(conversation, dated(notification)));
   }
+  tell(notification);
   if (update.sessionUpdate === "tool_call_update") {
     const decision = decisionOf(update._meta);
     if (decision !== null) decided(sessionId, update.toolCallId, decision);
@@ -227,13 +237,13 @@ export async function send(
   author: string,
   shown = text,
 ): Promise<void> {
-  change(sessionId, (conversation) => promptSent(conversation, shown, author));
+  change(sessionId, (conversation) => promptSent(conversation, shown, author, agentNow()));
   try {
     const answer = await peer.request(methods.agent.session.prompt, {
       sessionId,
       prompt: [{ type: "text", text }],
     });
-    change(sessionId, (conversation) => promptEnded(conversation, answer.stopReason));
+    change(sessionId, (conversation) => promptEnded(conversation, answer.stopReason, agentNow()));
   } catch (error) {
     // A lost connection ends no turn: loading the session again will tell how it stands.
     if (!(error instanceof RequestError) || agent !== peer) return;

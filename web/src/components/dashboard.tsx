@@ -2,9 +2,11 @@
 import { useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { startDashboard } from "../acp/dashboard";
+import { recordSamples } from "../acp/record-samples";
 import { useLayout } from "../hooks/use-media";
 import { robotName, useStore } from "../state/store";
 import { Alerts } from "./alerts";
+import { ActivityPanel } from "./activity-panel";
 import { Header } from "./header";
 import { PhoneTabs, type Tab } from "./phone-tabs";
 import { ScenePane } from "./scene-pane";
@@ -21,6 +23,7 @@ export default function Dashboard() {
   useDocumentTitle();
 
   useEffect(startDashboard, []);
+  useEffect(recordSamples, []);
 
   const phone = layout === "phone";
   const showQuestion = (): void => {
@@ -41,7 +44,10 @@ export default function Dashboard() {
         {layout === "wide" && <SessionPane onChosen={() => undefined} />}
         {phone && tab === "sessions" && <SessionPane onChosen={() => setTab("talk")} />}
         <TalkPane hidden={phone && tab !== "talk"} />
-        <ScenePane hidden={phone && tab !== "map"} lazy={phone} />
+        <div className="side">
+          <ScenePane hidden={phone && tab !== "map"} lazy={phone} />
+          <ActivityPanel layout={layout} hidden={phone && tab !== "log"} />
+        </div>
       </main>
       {layout === "medium" && <SessionDrawer open={drawer} onOpenChange={setDrawer} />}
       {phone && <PhoneTabs tab={tab} onTab={setTab} />}

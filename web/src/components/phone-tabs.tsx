@@ -1,13 +1,14 @@
 /** The bottom bar of a phone: one view at a time. */
-import { List, MapPinned, MessagesSquare } from "lucide-react";
+import { ChartNoAxesGantt, List, MapPinned, MessagesSquare } from "lucide-react";
 import { useTranslation } from "react-i18next";
 import { useStore } from "../state/store";
 
-export type Tab = "talk" | "map" | "sessions";
+export type Tab = "talk" | "map" | "log" | "sessions";
 
 const TABS = [
   { id: "talk", Icon: MessagesSquare },
   { id: "map", Icon: MapPinned },
+  { id: "log", Icon: ChartNoAxesGantt },
   { id: "sessions", Icon: List },
 ] as const;
 

@@ -8,7 +8,7 @@ type Texts = Record<string, Record<string, string>>;
 
 /** Words that are the same in another language; anything else that is has been forgotten. */
 const OTHERS: Record<string, { texts: Texts; alike: string[] }> = {
-  es: { texts: es, alike: ["role.supervisor", "talk.plan", "title.plain"] },
+  es: { texts: es, alike: ["logKind.plan", "role.supervisor", "talk.plan", "title.plain"] },
 };
 
 function flat(texts: Texts): [string, string][] {

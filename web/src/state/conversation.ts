@@ -7,6 +7,7 @@ import type {
   ToolCallContent,
 } from "@agentclientprotocol/sdk";
 import type { Decision, Progress, Waiting } from "../acp/meta";
+import type { Timeline } from "./timeline";
 
 export type ToolStatus = "pending" | "in_progress" | "completed" | "failed";
 
@@ -84,6 +85,8 @@ export interface Conversation {
   options: SessionConfigOption[];
   /** Tools for which an answer counts for the rest of the session: allowed, or refused. */
   remembered: Record<string, boolean>;
+  /** What the turn that runs, or else the last one, spends its time on; null before the first. */
+  timeline: Timeline | null;
 }
 
 export const EMPTY: Conversation = {
@@ -95,4 +98,5 @@ export const EMPTY: Conversation = {
   modes: null,
   options: [],
   remembered: {},
+  timeline: null,
 };

@@ -13,6 +13,7 @@ import type {
   ToolCallUpdate,
 } from "@agentclientprotocol/sdk";
 import {
+  atOf,
   authorOf,
   decisionOf,
   progressOf,
@@ -24,15 +25,17 @@ import {
   type Decision,
 } from "../acp/meta";
 import type { AgentItem, Conversation, Item, NoteItem, ToolItem, UserItem } from "./conversation";
+import { begunAt, overAt, timelineReducer } from "./timeline";
 
 type Update<Kind extends SessionUpdate["sessionUpdate"]> = Extract<SessionUpdate, { sessionUpdate: Kind }>;
 type Fresh<T extends Item> = T extends Item ? Omit<T, "key"> : never;
 
-export function sessionReducer(state: Conversation, notification: SessionNotification): Conversation {
-  const seq = seqOf(notification._meta);
-  if (seq === null) return apply(state, notification.update);
-  if (seq <= state.lastSeq) return state;
-  return { ...apply(state, notification.update), lastSeq: seq };
+export function sessionReducer(state: Conversation, { update, _meta }: SessionNotification): Conversation {
+  const seq = seqOf(_meta);
+  if (seq !== null && seq <= state.lastSeq) return state;
+  const at = atOf(_meta);
+  const timeline = at === null ? state.timeline : timelineReducer(state.timeline, update, at);
+  return { ...apply(state, update), timeline, lastSeq: seq ?? state.lastSeq };
 }
 
 function apply(state: Conversation, update: SessionUpdate): Conversation {
@@ -205,20 +208,27 @@ function ended(state: Conversation, stopReason: string): Conversation {
   return add<NoteItem>(over, { kind: "note", stopReason, error: null });
 }
 
-/** The person here sent a prompt: the agent does not send it back to this connection. */
-export function promptSent(state: Conversation, text: string, author: string): Conversation {
-  const running: Conversation = { ...state, turn: { id: null, cancelling: false } };
+/** The person here sent a prompt, at `at` in Unix seconds: the agent does not send it back to this connection. */
+export function promptSent(
+  state: Conversation,
+  text: string,
+  author: string,
+  at: number | null = null,
+): Conversation {
+  const timeline = at === null ? state.timeline : begunAt(at, null);
+  const running: Conversation = { ...state, turn: { id: null, cancelling: false }, timeline };
   return add<UserItem>(running, { kind: "user", author, turnId: null, blocks: [{ type: "text", text }] });
 }
 
 /** The prompt's answer came. An agent that announced the end already has said all. */
-export function promptEnded(state: Conversation, stopReason: string): Conversation {
-  return state.turn === null ? state : ended(state, stopReason);
+export function promptEnded(state: Conversation, stopReason: string, at: number | null = null): Conversation {
+  const over = at === null ? state : { ...state, timeline: overAt(state.timeline, at) };
+  return state.turn === null ? over : ended(over, stopReason);
 }
 
 /** The prompt was refused, and no turn runs. */
 export function promptFailed(state: Conversation, error: string): Conversation {
-  return add<NoteItem>({ ...state, turn: null }, { kind: "note", stopReason: null, error });
+  return add<NoteItem>({ ...state, turn: null, timeline: null }, { kind: "note", stopReason: null, error });
 }
 
 export function cancelAsked(state: Conversation): Conversation {

@@ -1,0 +1,59 @@
+/** One event of the log in a line; all that is in it is asked for when somebody opens it. */
+import { ChevronRight } from "lucide-react";
+import { memo, useEffect, useState } from "react";
+import { useTranslation } from "react-i18next";
+import { isRecord } from "../acp/meta";
+import { readEvents } from "../acp/log-pages";
+import { clock } from "../i18n/format";
+import type { Row } from "../state/log";
+import { DataView } from "./data-view";
+
+const LONGEST = 600;
+
+export const LogRow = memo(function LogRow(props: { row: Row; name: string; sessionId: string }) {
+  const { row, name, sessionId } = props;
+  const [open, setOpen] = useState(false);
+  return (
+    <li className="log-row" data-testid="log-row" data-seq={row.seq} data-kind={row.kind}>
+      <button type="button" className="log-line" aria-expanded={open} onClick={() => setOpen(!open)}>
+        <ChevronRight aria-hidden className="log-mark" />
+        <span className="log-number">{row.seq}</span>
+        <span className="log-time">{clock(row.at)}</span>
+        <span className="log-kind">{name}</span>
+        <span className="log-text">{row.text}</span>
+      </button>
+      {open && <Details seq={row.seq} sessionId={sessionId} />}
+    </li>
+  );
+});
+
+function Details({ seq, sessionId }: { seq: number; sessionId: string }) {
+  const { t } = useTranslation();
+  const [told, setTold] = useState<unknown>(undefined);
+  const [failed, setFailed] = useState(false);
+  useEffect(() => {
+    let over = false;
+    readEvents(sessionId, seq - 1, 1).then(
+      ({ events }) => !over && setTold(shortened(events[0]?.update)),
+      () => !over && setFailed(true),
+    );
+    return () => {
+      over = true;
+    };
+  }, [seq, sessionId]);
+  if (failed) return <p className="log-details muted small">{t("log.noDetails")}</p>;
+  if (told === undefined) return <p className="log-details muted small">{t("log.reading")}</p>;
+  return (
+    <div className="log-details details-text" data-testid="log-details">
+      <DataView value={told} />
+    </div>
+  );
+}
+
+/** Pictures and sounds are long texts here, and nobody reads those. */
+function shortened(value: unknown): unknown {
+  if (typeof value === "string" && value.length > LONGEST) return `${value.slice(0, LONGEST)}…`;
+  if (Array.isArray(value)) return value.map(shortened);
+  if (!isRecord(value)) return value;
+  return Object.fromEntries(Object.entries(value).map(([key, inner]) => [key, shortened(inner)]));
+}

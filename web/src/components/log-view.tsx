@@ -1,0 +1,194 @@
+/**
+ * All events of the session: found by kind and by words, looked at one by one, taken along as a file. A page of rows is on
+ * the screen at a time, so that a long session stays quick.
+ */
+import { ChevronFirst, ChevronLast, ChevronLeft, ChevronRight, Download, Search } from "lucide-react";
+import { useEffect, useMemo, useState, useSyncExternalStore } from "react";
+import { useTranslation } from "react-i18next";
+import { EventLog, type Snapshot } from "../acp/event-log";
+import { listen } from "../acp/events";
+import { asLines, readEvents } from "../acp/log-pages";
+import { useStickToEnd } from "../hooks/use-stick-to-end";
+import { FILTERS, fileName, matching, MOST, type Filter, type Kind, type Row } from "../state/log";
+import { getState, robotName, toast, useStore } from "../state/store";
+import { LogRow } from "./log-row";
+
+const PAGE = 100;
+const ALL: ReadonlySet<Filter> = new Set(FILTERS);
+
+export function LogView({ sessionId }: { sessionId: string }) {
+  const { t } = useTranslation();
+  const { rows, standing } = useEventLog(sessionId);
+  const [kinds, setKinds] = useState(ALL);
+  const [words, setWords] = useState("");
+  /** Null is the newest page, whichever that is. */
+  const [page, setPage] = useState<number | null>(null);
+  const nameOf = useMemo(() => (kind: Kind) => t(`logKind.${kind}`), [t]);
+  const found = useMemo(() => matching(rows, kinds, words, nameOf), [rows, kinds, words, nameOf]);
+  const pages = Math.max(1, Math.ceil(found.length / PAGE));
+  const at = Math.min(page ?? pages - 1, pages - 1);
+
+  const toggle = (filter: Filter): void => {
+    const next = new Set(kinds);
+    if (!next.delete(filter)) next.add(filter);
+    setKinds(next);
+    setPage(null);
+  };
+
+  return (
+    <>
+      <div className="log-tools">
+        <label className="search">
+          <Search aria-hidden />
+          <span className="sr-only">{t("log.search")}</span>
+          <input
+            type="search"
+            value={words}
+            placeholder={t("log.search")}
+            onChange={(event) => {
+              setWords(event.target.value);
+              setPage(null);
+            }}
+          />
+        </label>
+        <Export sessionId={sessionId} empty={rows.length === 0} />
+        <div className="log-filters" role="group" aria-label={t("log.filter")}>
+          {FILTERS.map((filter) => (
+            <button
+              key={filter}
+              type="button"
+              className="chip"
+              aria-pressed={kinds.has(filter)}
+              data-testid={`log-filter-${filter}`}
+              onClick={() => toggle(filter)}
+            >
+              {t(`logFilter.${filter}`)}
+            </button>
+          ))}
+        </div>
+      </div>
+      {standing === "none" ? (
+        <p className="muted small log-none">{t("log.unavailable")}</p>
+      ) : found.length === 0 ? (
+        <p className="muted small log-none" role="status">
+          {t(standing === "reading" ? "log.reading" : rows.length === 0 ? "log.empty" : "log.noneFound")}
+        </p>
+      ) : (
+        <Rows key={at} rows={found.slice(at * PAGE, (at + 1) * PAGE)} sessionId={sessionId} nameOf={nameOf} />
+      )}
+      <div className="log-foot">
+        <span className="muted small" role="status" data-testid="log-count">
+          {t("log.count", { found: found.length, all: rows.length })}
+          {rows.length === MOST && ` ${t("log.older")}`}
+          {standing === "behind" && ` ${t("log.behind")}`}
+        </span>
+        {pages > 1 && (
+          <Pages at={at} pages={pages} onPage={(next) => setPage(next === pages - 1 ? null : next)} />
+        )}
+      </div>
+    </>
+  );
+}
+
+function useEventLog(sessionId: string): Snapshot {
+  const [log] = useState(() => new EventLog((after) => readEvents(sessionId, after)));
+  const online = useStore((state) => state.link.status === "online" && state.attached.has(sessionId));
+  useEffect(() => listen((where, event) => where === sessionId && log.take(event)), [log, sessionId]);
+  useEffect(() => {
+    if (online) void log.catchUp();
+  }, [log, online]);
+  return useSyncExternalStore(log.watch, log.get);
+}
+
+function Rows(props: { rows: readonly Row[]; sessionId: string; nameOf: (kind: Kind) => string }) {
+  const { t } = useTranslation();
+  const { box, content } = useStickToEnd();
+  return (
+    <div
+      className="log-rows"
+      ref={box}
+      role="region"
+      aria-label={t("log.title")}
+      // Scrolled with the keyboard, too.
+      // eslint-disable-next-line jsx-a11y/no-noninteractive-tabindex
+      tabIndex={0}
+    >
+      <div ref={content}>
+        <ol>
+          {props.rows.map((row) => (
+            <LogRow key={row.seq} row={row} name={props.nameOf(row.kind)} sessionId={props.sessionId} />
+          ))}
+        </ol>
+      </div>
+    </div>
+  );
+}
+
+function Pages({ at, pages, onPage }: { at: number; pages: number; onPage: (page: number) => void }) {
+  const { t } = useTranslation();
+  const ways = [
+    { name: "oldest", Icon: ChevronFirst, to: 0, off: at === 0 },
+    { name: "earlier", Icon: ChevronLeft, to: at - 1, off: at === 0 },
+    { name: "later", Icon: ChevronRight, to: at + 1, off: at === pages - 1 },
+    { name: "newest", Icon: ChevronLast, to: pages - 1, off: at === pages - 1 },
+  ] as const;
+  return (
+    <nav className="log-pages" aria-label={t("log.pages")}>
+      <span className="small" data-testid="log-page">
+        {t("log.page", { at: at + 1, pages })}
+      </span>
+      {ways.map(({ name, Icon, to, off }) => (
+        <button
+          key={name}
+          type="button"
+          className="icon-button"
+          aria-label={t(`log.${name}`)}
+          title={t(`log.${name}`)}
+          data-testid={`log-${name}`}
+          disabled={off}
+          onClick={() => onPage(to)}
+        >
+          <Icon aria-hidden />
+        </button>
+      ))}
+    </nav>
+  );
+}
+
+function Export({ sessionId, empty }: { sessionId: string; empty: boolean }) {
+  const { t } = useTranslation();
+  const [busy, setBusy] = useState(false);
+  const save = async (): Promise<void> => {
+    setBusy(true);
+    try {
+      const state = getState();
+      const title = state.conversations[sessionId]?.title ?? null;
+      download(await asLines(sessionId), fileName(robotName(state), title, sessionId, new Date()));
+    } catch {
+      toast("danger", t("log.exportFailed"));
+    } finally {
+      setBusy(false);
+    }
+  };
+  return (
+    <button
+      type="button"
+      className="button"
+      data-testid="log-export"
+      title={t("log.exportHint")}
+      disabled={busy || empty}
+      onClick={() => void save()}
+    >
+      <Download aria-hidden /> {t("log.export")}
+    </button>
+  );
+}
+
+function download(file: Blob, name: string): void {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(file);
+  link.download = name;
+  link.click();
+  // The browser has taken it over once this task is done.
+  setTimeout(() => URL.revokeObjectURL(link.href), 0);
+}
