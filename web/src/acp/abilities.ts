@@ -13,6 +13,8 @@ export interface Abilities {
   places: Place[];
   /** Names of tools. */
   tools: string[];
+  /** What a tool does in words, by its name. */
+  titles: Record<string, string>;
 }
 
 /** Asks for them and keeps what is told. When nobody can tell, what was known stays. */
@@ -33,6 +35,11 @@ export function parseAbilities(answer: unknown): Abilities {
       typeof name === "string" ? [{ name, type: asString(type) }] : [],
     ),
     tools: records(told["tools"]).flatMap(({ name }) => (typeof name === "string" ? [name] : [])),
+    titles: Object.fromEntries(
+      records(told["tools"]).flatMap(({ name, title }) =>
+        typeof name === "string" && typeof title === "string" ? [[name, title]] : [],
+      ),
+    ),
   };
 }
 

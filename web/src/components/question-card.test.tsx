@@ -1,6 +1,6 @@
 /** Allowing takes an act of will. */
 import type { RequestPermissionResponse } from "@agentclientprotocol/sdk";
-import { act, fireEvent, render, screen } from "@testing-library/react";
+import { act, cleanup, fireEvent, render, screen } from "@testing-library/react";
 import { beforeEach, describe, expect, it, vi } from "vitest";
 import { INITIAL, setState, type Question } from "../state/store";
 import { QuestionCard } from "./question-card";
@@ -72,6 +72,20 @@ describe("the question", () => {
     expect(answers).toEqual([{ outcome: { outcome: "selected", optionId: "allow_once" } }]);
   });
 
+  it("shows how far it is, and what its title leaves out", () => {
+    cleanup();
+    const drive: Question = {
+      ...QUESTION,
+      title: "Drive to (4.2, 3.0)",
+      input: { x: 4.2, y: 3, yaw: 1.5 },
+      preview: { pathLength: 14.24, seconds: 25.4 },
+    };
+    render(<QuestionCard question={drive} count={1} />);
+    const way = screen.getByTestId("permission-preview").textContent;
+    expect(way).toBe("14.2 m, about 25 s, the way is drawn on the map");
+    expect(screen.getByTestId("permission-arguments").textContent).toBe("yaw1.5");
+  });
+
   it("ignores a key that was meant for what had the focus before", () => {
     const dont = screen.getByTestId("permission-reject");
     fireEvent.click(dont, { detail: 0 });
@@ -79,6 +93,14 @@ describe("the question", () => {
     later(450);
     fireEvent.click(dont, { detail: 0 });
     expect(answers).toEqual([{ outcome: { outcome: "selected", optionId: "reject_once" } }]);
+  });
+
+  it("tells each thing once, and says what an answer for the session would count for", () => {
+    expect(screen.queryByTestId("permission-arguments")).toBeNull();
+    expect(screen.getByTestId("permission-rule").textContent).toBe("This answer counts once.");
+    fireEvent.click(screen.getByRole("checkbox"));
+    expect(screen.getByTestId("permission-rule").textContent).toContain("“Say something aloud”");
+    expect(screen.getByTestId("permission-allow").textContent).toBe("Always allow");
   });
 
   it("answers for the session when that is ticked", () => {

@@ -1,12 +1,15 @@
 /** How questions call for a person in this browser, and which answers are remembered in this session. */
 import { BellOff, BellRing, CircleCheck, CircleX } from "lucide-react";
 import { Popover } from "radix-ui";
+import { useEffect } from "react";
 import { useTranslation } from "react-i18next";
+import { askAbilities } from "../acp/abilities";
+import { theAgent } from "../acp/sessions";
 import { askAllowance, useAllowance } from "../attention/notification";
 import { change, useAttentionSettings } from "../attention/settings";
 import { useLayout } from "../hooks/use-media";
 import { canApprove } from "../state/rights";
-import { robotName, useConversation, useMe, useStore } from "../state/store";
+import { robotName, setState, useConversation, useMe, useStore } from "../state/store";
 import { Tick } from "./tick";
 
 /** Behind a button where the line at the top has no room for it. */
@@ -98,6 +101,7 @@ function Notifications() {
 function Remembered() {
   const { t } = useTranslation();
   const remembered = Object.entries(useConversation().remembered);
+  const titles = useTitles();
   if (remembered.length === 0) return <p className="muted small">{t("attention.rememberedNone")}</p>;
   return (
     <ul className="remembered" data-testid="remembered">
@@ -105,13 +109,28 @@ function Remembered() {
         <li key={tool}>
           {allowed ? <CircleCheck aria-hidden /> : <CircleX aria-hidden />}
           <span>
-            <strong>{words(tool)}</strong>:{" "}
+            <strong>{titles[tool] ?? words(tool)}</strong>:{" "}
             {t(`attention.${allowed ? "rememberedAllowed" : "rememberedRefused"}`)}
           </span>
         </li>
       ))}
     </ul>
   );
+}
+
+/** What the robot's tools do in words, asked for when somebody looks. */
+function useTitles(): Record<string, string> {
+  const abilities = useStore((state) => state.abilities);
+  useEffect(() => {
+    const peer = theAgent();
+    if (abilities !== null || peer === null) return;
+    // The robot is away, or the agent another one: then the names have to do.
+    askAbilities(peer).then(
+      (known) => setState({ abilities: known }),
+      () => undefined,
+    );
+  }, [abilities]);
+  return abilities?.titles ?? {};
 }
 
 /** The name of a tool as people read it; that of a server of somebody else stands before it. */

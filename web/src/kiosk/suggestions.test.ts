@@ -40,15 +40,19 @@ describe("the suggestions", () => {
 describe("the abilities", () => {
   it("that make no sense are none", () => {
     for (const wrong of [null, 7, [], {}, { places: "x", tools: [1, null] }, { places: [{ name: 5 }] }]) {
-      expect(parseAbilities(wrong)).toEqual({ places: [], tools: [] });
+      expect(parseAbilities(wrong)).toEqual({ places: [], tools: [], titles: {} });
     }
   });
 
   it("are read one by one", () => {
-    const told = { places: [{ name: "kitchen" }, 3, room("lab")], tools: [{ name: "speak" }, {}] };
+    const told = {
+      places: [{ name: "kitchen" }, 3, room("lab")],
+      tools: [{ name: "speak", title: "Say it" }, {}],
+    };
     expect(parseAbilities(told)).toEqual({
       places: [{ name: "kitchen", type: null }, room("lab")],
       tools: ["speak"],
+      titles: { speak: "Say it" },
     });
   });
 });

@@ -9,7 +9,7 @@ const FEWEST = 4;
 const MOST = 6;
 
 /** Four to six, and for a robot that has neither places nor such tools at least what everyone can be asked. */
-export function suggestions({ places, tools }: Abilities): Suggestion[] {
+export function suggestions({ places, tools }: Pick<Abilities, "places" | "tools">): Suggestion[] {
   const can = (tool: string): boolean => tools.includes(tool);
   const offered: Suggestion[] = can("navigate_to_place") ? inviting(places).map(goTo) : [];
   if (can("take_photo")) offered.push({ key: "see" });

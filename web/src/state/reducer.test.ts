@@ -163,6 +163,35 @@ describe("a whole turn", () => {
   });
 });
 
+describe("answers that are remembered", () => {
+  const decision = (option: string, reason = "selected"): SessionUpdate => ({
+    sessionUpdate: "tool_call_update",
+    toolCallId: "c1",
+    status: "in_progress",
+    _meta: { "robot-acp/decision": { by: "Ana", option, reason } },
+  });
+  const call: SessionUpdate = {
+    sessionUpdate: "tool_call",
+    toolCallId: "c1",
+    title: "Say aloud: “Hello.”",
+    _meta: { "robot-acp/tool": "speak" },
+  };
+
+  it.each([
+    ["allow_always", { speak: true }],
+    ["reject_always", { speak: false }],
+    ["allow_once", {}],
+  ])("%s: %j", (option, remembered) => {
+    expect(play([note(call), note(decision(option))]).remembered).toEqual(remembered);
+  });
+
+  it("are what the agent says when a session is opened: a fork has allowed nothing", () => {
+    const before = play([note(call), note(decision("allow_always"))]);
+    expect(opened(before, { _meta: { "robot-acp/remembered": {} } }).remembered).toEqual({});
+    expect(opened(before, {}).remembered).toEqual({ speak: true });
+  });
+});
+
 describe("replay", () => {
   it("gives the same state as live", () => {
     const updates = numbered(P1);

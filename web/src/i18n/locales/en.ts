@@ -439,7 +439,7 @@ const en = {
     sound: "Play a sound",
     soundOn: "A sound calls you to a question. Press to mute it.",
     soundOff: "No sound calls you to a question. Press to hear it.",
-    notifyMe: "Notify me elsewhere",
+    notifyMe: "Notify me when I am away",
     notify: "Notify me while this page is not in front",
     notifyAsk: "Allow notifications …",
     notifyDenied: "The browser blocks notifications of this page. You can allow them in its settings.",
@@ -451,7 +451,7 @@ const en = {
   },
   alerts: {
     halted: "{{robot}} stopped by itself at {{time}}.",
-    haltedNext: "Nothing goes on by itself.",
+    haltedNext: "It goes on only when somebody asks again.",
     battery: "Battery low:",
     batterySoon: "{{robot}} should go to its dock soon.",
     batteryOnlyHome: "{{robot}} drives only to its dock now.",

@@ -451,7 +451,7 @@ const es = {
     sound: "Reproducir un sonido",
     soundOn: "Un sonido le avisa de cada pregunta. Pulse para silenciarlo.",
     soundOff: "Ningún sonido le avisa de las preguntas. Pulse para oírlo.",
-    notifyMe: "Avisarme en otra parte",
+    notifyMe: "Avisarme si no estoy",
     notify: "Avisarme cuando esta página no esté delante",
     notifyAsk: "Permitir avisos …",
     notifyDenied: "El navegador bloquea los avisos de esta página. Puede permitirlos en sus ajustes.",
@@ -463,7 +463,7 @@ const es = {
   },
   alerts: {
     halted: "{{robot}} se ha detenido por sí mismo a las {{time}}.",
-    haltedNext: "Nada continúa por sí solo.",
+    haltedNext: "Solo sigue cuando alguien lo pide de nuevo.",
     battery: "Batería baja:",
     batterySoon: "{{robot}} debería ir pronto a su base.",
     batteryOnlyHome: "{{robot}} ya solo va a su base.",

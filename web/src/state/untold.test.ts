@@ -1,0 +1,20 @@
+/** Nothing that happens is hidden from whoever decides, and nothing is said twice. */
+import { expect, it } from "vitest";
+import { untold } from "./untold";
+
+it.each([
+  ["Drive to lab 2.3.7", { place: "lab 2.3.7" }, []],
+  ["Drive to (4.2, 3.0)", { x: 4.2, y: 3 }, []],
+  ["Drive to (4.2, 3.0)", { x: 4.2, y: 3, yaw: 1.57 }, ["yaw"]],
+  ["Say aloud: “The meeting is at noon.”", { text: "The meeting is at noon." }, []],
+  ["lab: Pour: amount 1, cup 2", { amount: 1, cup: 2 }, []],
+  ["Turn by 30°", { degrees: 3 }, ["degrees"]],
+  ["Turn by -30°", { degrees: 30 }, ["degrees"]],
+  ["Turn by 3.5°", { degrees: 3 }, ["degrees"]],
+  ["Turn by 3°", { degrees: 3, times: 3 }, ["times"]],
+  ["Open", { door: { id: 7 }, loud: true, name: null }, ["door", "loud"]],
+  ["Say: 5", { text: "5 is 5", loudness: 5 }, ["text"]],
+  ["Open", "not an object", []],
+])("%s with %j leaves %j to be told", (title, input, left) => {
+  expect(Object.keys(untold(title, input))).toEqual(left);
+});
