@@ -4,9 +4,9 @@
 
 `robot-acp up` at a high time scale, in the mode that asks nobody. A program prompts in one session without a pause, for
 drives, speech and photos; the dashboard shows it, with its scene. Every 10 s of wall time: the resident memory of the
-three processes, and of the page its JavaScript heap after a forced collection and its DOM nodes. Printed are the medians
-of the first and the last quarter, and the slope of the line through the second half: there caches are full, and what
-still grows is a leak.
+three processes; of the page its JavaScript heap after a forced collection, and its DOM nodes. Printed are the medians of
+the first and the last quarter, and the median slope between any two samples of the second half: there caches are full,
+and what still grows is a leak.
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ import time
 from pathlib import Path
 from typing import TextIO
 
-import numpy as np
 from playwright.async_api import CDPSession
 from shared import Process, Robot, Up, dashboard, machine, processes_of, up
 from stopping import SETTINGS
@@ -65,13 +64,20 @@ async def sample(processes: dict[str, Process], page: CDPSession) -> Sample:
     return resident | {"page's heap (MB)": heap / 1e6, "page's DOM (nodes)": nodes}
 
 
+def typical_slope(times: list[float], values: list[float]) -> float:
+    """The median slope between any two (Theil and Sen): one odd sample does not tilt it."""
+    pairs = itertools.combinations(zip(times, values, strict=True), 2)
+    slopes = [(later - earlier) / (to - since) for (since, earlier), (to, later) in pairs]
+    return statistics.median(slopes) if slopes else 0.0
+
+
 def report(times: list[float], samples: list[Sample]) -> None:
     """First and last quarter, and the slope of the second half."""
     quarter, half = max(len(samples) // 4, 1), len(samples) // 2
     print(f"{'':20} {'first quarter':>14} {'last quarter':>14} {'slope an hour':>14}")
     for name in samples[0]:
         values = [one[name] for one in samples]
-        slope = np.polyfit(times[half:], values[half:], 1)[0] * 3600
+        slope = typical_slope(times[half:], values[half:]) * 3600
         first, last = statistics.median(values[:quarter]), statistics.median(values[-quarter:])
         print(f"{name:20} {first:14.1f} {last:14.1f} {slope:+14.1f}", flush=True)
 
