@@ -4,7 +4,7 @@
 
 `robot-acp up` at a high time scale, in the mode that asks nobody. A program prompts in one session without a pause, for
 drives, speech and photos; the dashboard shows it, with its scene. Every 10 s of wall time: the resident memory of the
-three processes; of the page its JavaScript heap after a forced collection, and its DOM nodes. Printed are the medians of
+three processes; of the page its JavaScript heap after a forced collection and its DOM nodes. Printed are the medians of
 the first and the last quarter, and the median slope between any two samples of the second half: there caches are full,
 and what still grows is a leak.
 """
