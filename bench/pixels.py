@@ -29,7 +29,9 @@ from shared import Robot, Up, browser, machine, report, turn_over, up
 
 from tests.processes import Client
 
-VIEWPORT = {"width": 1440, "height": 900}
+WIDE = {"width": 1440, "height": 900}
+PHONE = {"width": 390, "height": 844}
+"""A phone draws no scene until somebody looks at it, so the difference is what drawing it in software costs."""
 KINDS = {"user_message_chunk": "user-message", "tool_call": "tool-card", "agent_message_chunk": "agent-message"}
 """The events whose first appearance is a new element of the page, and the test id of that element."""
 
@@ -49,6 +51,11 @@ WATCH_PAINTING = """(names) => {
     }));
   }).observe(document.body, { childList: true, subtree: true });
   window.benchPainted = painted;
+  window.benchAnswers = async (count) => {
+    while (painted.filter(([name]) => name === 'agent-message').length < count) {
+      await new Promise(requestAnimationFrame);
+    }
+  };
 }"""
 
 WATCH_LOADING = """(() => {
@@ -87,7 +94,7 @@ def appearances(log: list[dict[str, Any]]) -> dict[str, list[float]]:
     return made
 
 
-async def events_to_pixels(running: Up, page: Page, prompts: int) -> None:
+async def events_to_pixels(running: Up, page: Page, where: str, prompts: int) -> None:
     """Have somebody else prompt in the session that the page shows."""
     client = await Client.open(f"tcp://127.0.0.1:{running.robot.agent_port}", answer=None)
     session = await client.new()
@@ -96,7 +103,7 @@ async def events_to_pixels(running: Up, page: Page, prompts: int) -> None:
     await page.evaluate(WATCH_PAINTING, list(KINDS.values()))
     for number in range(prompts + 1):
         await client.prompt("where are you?")
-        await page.get_by_test_id("agent-message").nth(number).wait_for()
+        await page.evaluate("count => benchAnswers(count)", number + 1)
         await turn_over(page)
     painted: dict[str, list[float]] = defaultdict(list)
     for name, at in await page.evaluate("window.benchPainted"):
@@ -108,14 +115,14 @@ async def events_to_pixels(running: Up, page: Page, prompts: int) -> None:
         assert len(made[name]) == len(painted[name]), f"{name}: {len(made[name])} events, {len(painted[name])} painted"
         took = [seen - at for at, seen in zip(made[name], painted[name], strict=True)]
         took = took[len(took) // (prompts + 1) :]  # the first prompt warms up
-        report(f"event at the agent to pixels, {name}", took)
+        report(f"event to pixels, {where}, {name}", took)
         everything += took
-    report("event at the agent to pixels, all", everything)
+    report(f"event to pixels, {where}, all", everything)
 
 
 async def first_load(running: Up, opened: Browser, url: str) -> tuple[float, int]:
     """Seconds until the page is of use, and bytes of script on the wire."""
-    context = await opened.new_context(viewport=VIEWPORT)
+    context = await opened.new_context(viewport=WIDE)
     page = await context.new_page()
     await page.add_init_script(WATCH_LOADING)
     wire = await context.new_cdp_session(page)
@@ -145,10 +152,12 @@ async def measure(running: Up, prompts: int, loads: int) -> None:
         )
         report("first load to a page of use", took[1:])
         print(f"{'compressed script without viser':44} {statistics.median(sizes) / 1000:.0f} kB on the wire")
-        page = await opened.new_page(viewport=VIEWPORT)
-        await page.goto(running.login_url)
-        await page.get_by_test_id("robot-state").get_by_text("ready").wait_for()
-        await events_to_pixels(running, page, prompts)
+        for where, viewport in (("phone", PHONE), ("with scene", WIDE)):
+            page = await opened.new_page(viewport=viewport)
+            await page.goto(running.login_url)
+            await page.get_by_test_id("robot-state").get_by_text("ready").wait_for()
+            await events_to_pixels(running, page, where, prompts)
+            await page.close()
 
 
 def main() -> None:

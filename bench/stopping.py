@@ -97,7 +97,7 @@ class Bench:
                 await self._drives()
                 begin = time.monotonic()
                 agent.send_signal(number)
-                await eventually(lambda: self.watched.state.motion is None and self._rests(), "rest")
+                await eventually(lambda: self.watched.state.motion is None and rests(self.watched.state), "rest")
                 return time.monotonic() - begin
             finally:
                 agent.kill()
@@ -114,28 +114,42 @@ class Bench:
             task.cancel()
             await asyncio.gather(task, return_exceptions=True)
 
-    def _rests(self) -> bool:
-        return self.watched.state.twist == telemetry.Twist(0.0, 0.0)
-
     def _far(self) -> str:
-        if self.watched.distance_to(*ENDS[self._end]) < TURN_BACK:
-            self._end = next(end for end in ENDS if end != self._end)
+        self._end = far_end(self.watched, self._end)
         return self._end
 
     async def _drives(self) -> None:
         await eventually(lambda: self.watched.state.motion and self.watched.speed > DRIVING, "the robot to drive")
 
     async def _timed(self, act: Callable[[], Awaitable[None]], known: Callable[..., bool]) -> Halt:
-        seen = len(self.watched.states)
-        await act()
-        await eventually(lambda: known(self.watched.state) and self._rests(), "zero velocity")
-        states = [state for _, state in self.watched.states[seen - 1 :]]
-        first = next(i for i, state in enumerate(states) if known(state))
-        speed = abs(states[max(first - 1, 0)].twist.linear)
-        rest = next(state for state in states[first:] if state.twist == telemetry.Twist(0.0, 0.0))
-        bound = 2 * PERIOD + speed / self.limits.braking
-        del self.watched.states[:-1]
-        return Halt(speed, rest.time - states[max(first - 1, 0)].time, bound)
+        return await timed(self.watched, self.limits, act, known)
+
+
+def far_end(watched: Watched, end: str) -> str:
+    """Where to drive next, on the way to `end`: there, or to the other end when it is near."""
+    near = watched.distance_to(*ENDS[end]) < TURN_BACK
+    return next(other for other in ENDS if other != end) if near else end
+
+
+def rests(state: telemetry.State) -> bool:
+    """Whether the robot stands still."""
+    return state.twist == telemetry.Twist(0.0, 0.0)
+
+
+async def timed(
+    watched: Watched, limits: config.Limits, act: Callable[[], Awaitable[None]], known: Callable[..., bool]
+) -> Halt:
+    """Do what halts the robot, and take the time from the last state that does not know it to zero velocity."""
+    seen = len(watched.states)
+    await act()
+    await eventually(lambda: known(watched.state) and rests(watched.state), "zero velocity")
+    states = [state for _, state in watched.states[seen - 1 :]]
+    first = next(i for i, state in enumerate(states) if known(state))
+    before = states[max(first - 1, 0)]
+    speed = abs(before.twist.linear)
+    rest = next(state for state in states[first:] if rests(state))
+    del watched.states[:-1]
+    return Halt(speed, rest.time - before.time, 2 * PERIOD + speed / limits.braking)
 
 
 def report(what: str, halts: list[Halt]) -> None:

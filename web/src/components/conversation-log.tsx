@@ -14,7 +14,7 @@ import { ToolCard } from "./tool-card";
 export function ConversationLog() {
   const { t } = useTranslation();
   const robot = useStore(robotName);
-  const { items, turn, made } = useConversation();
+  const { items, dropped, turn, made } = useConversation();
   const opening = useStore((state) => state.opening && state.link.status === "online");
   const { box, content, atEnd, toEnd } = useStickToEnd();
   const [seen, setSeen] = useState(made);
@@ -46,6 +46,7 @@ export function ConversationLog() {
       >
         <div className="log-content" ref={content}>
           {items.length === 0 ? opening ? <Opening /> : <Empty /> : null}
+          {dropped > 0 && <p className="muted earlier">{t("talk.earlier", { count: dropped })}</p>}
           {items.map((item) => (
             <ItemView key={item.key} item={item} />
           ))}

@@ -74,6 +74,8 @@ export interface Modes {
 
 export interface Conversation {
   items: Item[];
+  /** How many items came before these and are kept no more: the log of the session has them. */
+  dropped: number;
   /** The turn that runs; null while none does. */
   turn: Turn | null;
   /** The number of the last update that is in here; what is not newer has been seen. */
@@ -91,6 +93,7 @@ export interface Conversation {
 
 export const EMPTY: Conversation = {
   items: [],
+  dropped: 0,
   turn: null,
   lastSeq: 0,
   made: 0,

@@ -2,7 +2,15 @@
 import type { SessionNotification, SessionUpdate } from "@agentclientprotocol/sdk";
 import { describe, expect, it } from "vitest";
 import { EMPTY, type Conversation, type ToolItem } from "./conversation";
-import { cancelAsked, opened, promptEnded, promptFailed, promptSent, sessionReducer } from "./reducer";
+import {
+  cancelAsked,
+  MAX_ITEMS,
+  opened,
+  promptEnded,
+  promptFailed,
+  promptSent,
+  sessionReducer,
+} from "./reducer";
 
 const SESSION = "s1";
 
@@ -465,5 +473,26 @@ describe("what a tool call waits for", () => {
     for (const wrong of [null, "permission", { for: 7 }, { for: "tea" }]) {
       expect(played(waits(wrong)).waiting).toBeNull();
     }
+  });
+});
+
+describe("a session that goes on for days", () => {
+  const turns = (count: number): SessionUpdate[] =>
+    Array.from({ length: count }, (_, index) => [
+      { ...ASKED, _meta: { "robot-acp/by": "Ana", "robot-acp/turn": { id: `t${index}`, state: "running" } } },
+      { sessionUpdate: "agent_message_chunk", content: text(`answer ${index}`), messageId: `m${index}` },
+    ]).flat() as SessionUpdate[];
+
+  it("keeps the newest items, and says how many it does not keep", () => {
+    const state = play(numbered(turns(2000)));
+    expect(state.items.length).toBeLessThanOrEqual(MAX_ITEMS);
+    expect(state.dropped + state.items.length).toBe(4000);
+    expect(state.items.at(-1)).toMatchObject({ kind: "agent", text: "answer 1999", key: "i4000" });
+    expect(state.items[0]?.key).toBe(`i${state.dropped + 1}`);
+  });
+
+  it("drops nothing of a session of an ordinary length", () => {
+    const state = play(numbered(turns(MAX_ITEMS / 2)));
+    expect([state.items.length, state.dropped]).toEqual([MAX_ITEMS, 0]);
   });
 });

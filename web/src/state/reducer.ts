@@ -30,6 +30,10 @@ import { begunAt, overAt, timelineReducer } from "./timeline";
 type Update<Kind extends SessionUpdate["sessionUpdate"]> = Extract<SessionUpdate, { sessionUpdate: Kind }>;
 type Fresh<T extends Item> = T extends Item ? Omit<T, "key"> : never;
 
+/** A page that is open for days keeps the newest so many, and lets go of older ones in bundles: each makes the log jump. */
+export const MAX_ITEMS = 400;
+const BUNDLE = 100;
+
 export function sessionReducer(state: Conversation, { update, _meta }: SessionNotification): Conversation {
   const seq = seqOf(_meta);
   if (seq !== null && seq <= state.lastSeq) return state;
@@ -65,7 +69,9 @@ function apply(state: Conversation, update: SessionUpdate): Conversation {
 
 function add<T extends Item>(state: Conversation, item: Fresh<T>): Conversation {
   const made = state.made + 1;
-  return { ...state, made, items: [...state.items, { ...item, key: `i${made}` }] };
+  const gone = state.items.length < MAX_ITEMS ? 0 : BUNDLE;
+  const kept = state.items.slice(gone);
+  return { ...state, made, items: [...kept, { ...item, key: `i${made}` }], dropped: state.dropped + gone };
 }
 
 function replaceLast(state: Conversation, item: Item): Conversation {

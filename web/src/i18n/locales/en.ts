@@ -133,6 +133,8 @@ const en = {
     enlarge: "Enlarge the picture",
     close: "Close",
     attachment: "Attachment: {{name}}",
+    earlier_one: "{{count}} earlier entry is not shown here. The log of the session has it.",
+    earlier_other: "{{count}} earlier entries are not shown here. The log of the session has them.",
   },
   suggestions: {
     label: "Suggestions",

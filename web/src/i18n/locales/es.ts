@@ -141,6 +141,8 @@ const es = {
     enlarge: "Ampliar la imagen",
     close: "Cerrar",
     attachment: "Archivo adjunto: {{name}}",
+    earlier_one: "Aquí no se muestra {{count}} entrada anterior. Está en el registro de la sesión.",
+    earlier_other: "Aquí no se muestran {{count}} entradas anteriores. Están en el registro de la sesión.",
   },
   suggestions: {
     label: "Sugerencias",
