@@ -6,6 +6,7 @@ import "./styles/tokens.css";
 import "./styles/base.css";
 import "./styles/layout.css";
 import "./styles/header.css";
+import "./styles/people.css";
 import "./styles/sessions.css";
 import "./styles/conversation.css";
 import "./styles/question.css";

@@ -8,6 +8,7 @@ import i18next from "../i18n";
 import { getState, INITIAL, setState, toast } from "../state/store";
 import { takeToken } from "./address";
 import { Link, type LinkEvents } from "./link";
+import type { Person } from "./people";
 import { receive, setAgent } from "./sessions";
 import type { Telemetry } from "./telemetry";
 
@@ -20,6 +21,7 @@ export interface Screen {
   onOpen: (agent: ClientContext, hello: InitializeResponse) => Promise<void>;
   onQuestion: LinkEvents["onQuestion"];
   onTelemetry?: (telemetry: Telemetry) => void;
+  onPeople?: (people: Person[]) => void;
 }
 
 let link: Link | null = null;
@@ -74,6 +76,7 @@ export function start(screen: Screen): void {
       takeTelemetry(telemetry);
       screen.onTelemetry?.(telemetry);
     },
+    onPeople: screen.onPeople,
     onQuestion: screen.onQuestion,
     onOpen: (agent, hello) => {
       setAgent(agent);
@@ -81,7 +84,7 @@ export function start(screen: Screen): void {
     },
     onLost: () => {
       setAgent(null);
-      setState({ telemetry: null });
+      setState({ telemetry: null, people: null });
       void check();
     },
   });

@@ -4,6 +4,7 @@ import { getState, setState } from "../state/store";
 import { sessionOfHash } from "./address";
 import { end, start } from "./connection";
 import { ask } from "./questions";
+import { searchSessions } from "./search";
 import { forgetSession, listSessions, openFirst, openSession, watchSession } from "./sessions";
 import type { Telemetry } from "./telemetry";
 
@@ -24,9 +25,13 @@ export function startDashboard(): () => void {
     },
     onQuestion: ask,
     onTelemetry: followRobot,
+    onPeople: (people) => setState({ people }),
   });
   const lists = setInterval(() => {
-    if (document.visibilityState === "visible") void listSessions().catch(() => undefined);
+    if (document.visibilityState !== "visible") return;
+    void listSessions().catch(() => undefined);
+    const { found } = getState();
+    if (found?.more === null) void searchSessions(found.words).catch(() => undefined);
   }, LIST_MS);
   window.addEventListener("hashchange", followAddress);
   window.addEventListener("popstate", followAddress);

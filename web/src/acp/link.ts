@@ -15,6 +15,7 @@ import {
 } from "@agentclientprotocol/sdk";
 import { createWebSocketStream } from "@agentclientprotocol/sdk/experimental/ws-client";
 import { backoff } from "./backoff";
+import { parsePeople, type Person } from "./people";
 import { parseTelemetry, type Telemetry } from "./telemetry";
 
 const TELEMETRY_RATE = 5;
@@ -30,6 +31,8 @@ export interface LinkEvents {
   onState: (state: LinkState) => void;
   onUpdate: (notification: SessionNotification) => void;
   onTelemetry: (telemetry: Telemetry) => void;
+  /** Without it the agent is not asked who is there. */
+  onPeople?: ((people: Person[]) => void) | undefined;
   /** A question; `withdrawn` aborts when the agent takes it back or the connection is lost. */
   onQuestion: (
     request: RequestPermissionRequest,
@@ -110,6 +113,7 @@ export class Link {
     const app = client({ name: "robot-acp dashboard" })
       .onNotification(methods.client.session.update, ({ params }) => this.events.onUpdate(params))
       .onNotification("_robot/telemetry", parseTelemetry, ({ params }) => this.events.onTelemetry(params))
+      .onNotification("_robot/people", parsePeople, ({ params }) => this.events.onPeople?.(params))
       .onRequest(methods.client.session.requestPermission, ({ params, signal }) =>
         this.events.onQuestion(params, signal),
       );
@@ -120,7 +124,12 @@ export class Link {
       const hello = await connection.agent.request(methods.agent.initialize, {
         protocolVersion: PROTOCOL_VERSION,
         clientInfo: { name: "robot-acp-web", version: "0.1.0" },
-        clientCapabilities: { _meta: { "robot-acp/telemetry": { rate: TELEMETRY_RATE } } },
+        clientCapabilities: {
+          _meta: {
+            "robot-acp/telemetry": { rate: TELEMETRY_RATE },
+            "robot-acp/people": this.events.onPeople !== undefined,
+          },
+        },
       });
       this.agent = connection.agent;
       return { connection, hello };

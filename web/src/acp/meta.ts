@@ -57,6 +57,12 @@ export function authorOf(meta: Meta): string | null {
   return asString(meta?.["robot-acp/by"]);
 }
 
+/** Who took the robot away from the turn that says so; null when it says anything else. */
+export function takenOverBy(meta: Meta): string | null {
+  const taken = meta?.["robot-acp/taken_over"];
+  return isRecord(taken) ? asString(taken["by"]) : null;
+}
+
 export function toolOf(meta: Meta): string | null {
   return asString(meta?.["robot-acp/tool"]);
 }

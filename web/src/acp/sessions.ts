@@ -13,11 +13,12 @@ import {
 import i18next from "../i18n";
 import { EMPTY, type Conversation } from "../state/conversation";
 import { cancelAsked, opened, promptEnded, promptFailed, promptSent, sessionReducer } from "../state/reducer";
+import { refreshed } from "../state/session-list";
 import type { Setting } from "../state/settings";
-import { getState, setState, toast } from "../state/store";
+import { getState, robotName, setState, toast, type State } from "../state/store";
 import { agentNow, hear } from "./agent-clock";
 import { tell } from "./events";
-import { atOf, decisionOf } from "./meta";
+import { atOf, decisionOf, takenOverBy } from "./meta";
 import { closeQuestionsOf, decided } from "./questions";
 import { rememberSession, sessionOfAddress } from "./address";
 
@@ -69,6 +70,17 @@ export function receive(notification: SessionNotification): void {
       sessions: state.sessions.map((known) => (known.sessionId === sessionId ? { ...known, title } : known)),
     }));
   }
+  if (update.sessionUpdate === "agent_message_chunk" && draft === undefined) {
+    tellLoser(sessionId, takenOverBy(update._meta));
+  }
+}
+
+/** Whoever loses the robot learns it whatever is on the screen just then. */
+function tellLoser(sessionId: string, by: string | null): void {
+  const { auth, conversations } = getState();
+  const asked = conversations[sessionId]?.items.findLast((item) => item.kind === "user");
+  if (by === null || auth.status !== "in" || asked?.author !== auth.me.name || by === auth.me.name) return;
+  toast("danger", i18next.t("people.lost", { name: by, robot: robotName(getState()) }));
 }
 
 export async function listSessions(): Promise<void> {
@@ -82,9 +94,11 @@ export async function listSessions(): Promise<void> {
         known.sessionId === state.currentId &&
         !page.sessions.some(({ sessionId }) => sessionId === known.sessionId),
     );
+    const listed = page.nextCursor == null ? page.sessions : refreshed(state.sessions, page.sessions);
     return {
-      sessions: [...current, ...page.sessions],
-      moreSessions: page.nextCursor ?? null,
+      sessions: [...current, ...listed.filter((session) => !current.includes(session))],
+      // Where older ones had been read, it goes on below them.
+      moreSessions: listed.length > page.sessions.length ? state.moreSessions : (page.nextCursor ?? null),
       sessionsKnown: true,
     };
   });
@@ -141,7 +155,7 @@ export async function openSession(sessionId: string): Promise<boolean> {
     if (!(error instanceof RequestError)) throw error;
     toast("info", i18next.t("sessions.gone"));
     setState((state) => ({
-      sessions: state.sessions.filter((known) => known.sessionId !== sessionId),
+      ...withoutSession(state, sessionId),
       ...(state.currentId === sessionId ? { currentId: null, opening: false } : {}),
     }));
     return false;
@@ -203,6 +217,14 @@ export async function newSession(): Promise<void> {
   rememberSession(answer.sessionId);
 }
 
+function withoutSession({ sessions, found }: State, sessionId: string): Pick<State, "sessions" | "found"> {
+  const others = (known: { sessionId: string }): boolean => known.sessionId !== sessionId;
+  return {
+    sessions: sessions.filter(others),
+    found: found && { ...found, sessions: found.sessions.filter(others) },
+  };
+}
+
 export async function deleteSession(sessionId: string): Promise<void> {
   if (agent === null) return;
   await agent.request(methods.agent.session.delete, { sessionId });
@@ -213,7 +235,7 @@ export async function deleteSession(sessionId: string): Promise<void> {
     return {
       conversations,
       attached,
-      sessions: state.sessions.filter((known) => known.sessionId !== sessionId),
+      ...withoutSession(state, sessionId),
       ...(state.currentId === sessionId ? { currentId: null } : {}),
     };
   });

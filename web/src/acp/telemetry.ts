@@ -35,6 +35,12 @@ export interface Halt {
   at: number;
 }
 
+/** A session whose turn wants to act, and who asked for it. */
+export interface Claim {
+  sessionId: string;
+  by: string;
+}
+
 export interface Telemetry {
   robot: string | null;
   online: boolean;
@@ -51,7 +57,8 @@ export interface Telemetry {
   stop: Stop | null;
   speaking: string | null;
   halted: Halt | null;
-  turn: { sessionId: string; by: string } | null;
+  /** Whose turn controls the robot, and who is in line for it. */
+  turn: (Claim & { waiting?: Claim[] }) | null;
 }
 
 const SILENT: Telemetry = {
@@ -130,6 +137,12 @@ export function parseTelemetry(params: unknown): Telemetry {
 }
 
 function parseTurn(value: unknown): Telemetry["turn"] {
+  const claim = parseClaim(value);
+  const waiting = isRecord(value) && Array.isArray(value["waiting"]) ? value["waiting"] : [];
+  return claim && { ...claim, waiting: waiting.flatMap((one) => parseClaim(one) ?? []) };
+}
+
+function parseClaim(value: unknown): Claim | null {
   if (!isRecord(value)) return null;
   const sessionId = asString(value["sessionId"]);
   return sessionId === null ? null : { sessionId, by: asString(value["by"]) ?? "" };

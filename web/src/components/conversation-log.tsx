@@ -19,6 +19,7 @@ export function ConversationLog() {
   const { box, content, atEnd, toEnd } = useStickToEnd();
   const [seen, setSeen] = useState(made);
   const last = items.at(-1);
+  const awaits = last?.kind === "tool" && last.waiting === "robot";
   const asked = useStore((state) => state.questions.some(({ sessionId }) => sessionId === state.currentId));
 
   // What the reader sends is what the reader wants to see.
@@ -50,7 +51,7 @@ export function ConversationLog() {
           {items.map((item) => (
             <ItemView key={item.key} item={item} />
           ))}
-          {turn !== null && last?.kind !== "agent" && !asked && (
+          {turn !== null && last?.kind !== "agent" && !asked && !awaits && (
             <p className="working" aria-hidden="true">
               <span className="working-dots" />
               {t("talk.working", { robot })}

@@ -7,7 +7,6 @@ import {
   Check,
   CircleUserRound,
   Gauge,
-  Hand,
   LogOut,
   Menu,
   ShieldQuestion,
@@ -25,6 +24,7 @@ import { LANGUAGES, speakAlways } from "../i18n";
 import { fixed, percent, speed } from "../i18n/format";
 import { robotName, useMe, useStore } from "../state/store";
 import { Mark } from "./mark";
+import { PeopleMenu } from "./people-menu";
 import { SettingSelects } from "./setting-select";
 import { StopButton } from "./stop-button";
 
@@ -50,7 +50,10 @@ export function Header({
         )}
         {layout === "wide" && <Mark />}
         <RobotState />
-        <Metrics />
+        <div className="bar-numbers">
+          <Metrics />
+          <PeopleMenu />
+        </div>
         <QuestionChip onClick={onQuestion} />
         {layout === "wide" ? (
           <div className="bar-settings">
@@ -89,11 +92,9 @@ function RobotState() {
 
 function Metrics() {
   const { t } = useTranslation();
-  const me = useMe();
   const battery = useStore((state) => state.telemetry?.battery ?? null);
   const charging = useStore((state) => state.telemetry?.charging ?? false);
   const linear = useStore((state) => state.telemetry?.linear ?? null);
-  const holder = useStore((state) => state.telemetry?.turn?.by ?? null);
   const low = battery !== null && battery <= LOW_BATTERY && !charging;
   return (
     <ul className="metrics" aria-label={t("status.label")}>
@@ -112,14 +113,6 @@ function Metrics() {
         value={linear === null ? t("status.unknown") : speed(linear)}
       />
       <LinkMetric />
-      {holder !== null && (
-        <li className="metric metric-holder" data-testid="status-holder">
-          <Hand aria-hidden />
-          <span className="metric-value">
-            {holder === me.name ? t("status.heldByYou") : t("status.heldBy", { name: holder })}
-          </span>
-        </li>
-      )}
     </ul>
   );
 }

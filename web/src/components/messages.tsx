@@ -1,5 +1,5 @@
 /** What people and the agent say, and what the agent thinks. */
-import { Ban, ChevronRight, Info, Lightbulb, TriangleAlert } from "lucide-react";
+import { Ban, ChevronRight, Hand, Info, Lightbulb, TriangleAlert } from "lucide-react";
 import { Collapsible } from "radix-ui";
 import { lazy, Suspense, useState } from "react";
 import { useTranslation } from "react-i18next";
@@ -82,11 +82,27 @@ const KNOWN_REASONS = ["cancelled", "max_tokens", "max_turn_requests", "refusal"
 
 export function Note({ item }: { item: NoteItem }) {
   const { t } = useTranslation();
+  const me = useMe();
   const robot = useStore(robotName);
   if (item.error !== null) {
     return (
       <p className="note note-danger" role="alert">
         <TriangleAlert aria-hidden /> {t("note.failed", { reason: item.error })}
+      </p>
+    );
+  }
+  if (item.takenBy !== undefined) {
+    return (
+      <p className="note note-taken" data-testid="taken-over">
+        <Hand aria-hidden />
+        <span>
+          <strong>
+            {item.takenBy === me.name
+              ? t("people.tookYou", { robot })
+              : t("people.took", { name: item.takenBy, robot })}
+          </strong>{" "}
+          {t("people.tookText", { robot })}
+        </span>
       </p>
     );
   }

@@ -1,15 +1,19 @@
 /** The sessions to go back to: newest first, searchable, and a way to begin a new one. */
-import { MessageSquare, Plus, Search, Trash2, X } from "lucide-react";
+import { Plus, X } from "lucide-react";
 import { Dialog } from "radix-ui";
 import { useState } from "react";
 import { useTranslation } from "react-i18next";
 import type { SessionInfo } from "@agentclientprotocol/sdk";
-import { deleteSession, listMoreSessions, newSession, openSession } from "../acp/sessions";
+import { findMore } from "../acp/search";
+import { deleteSession, listMoreSessions, newSession } from "../acp/sessions";
 import { useNow } from "../hooks/use-now";
-import { when } from "../i18n/format";
+import { useSearch } from "../hooks/use-search";
 import { canPrompt } from "../state/rights";
+import { matches, wordsOf } from "../state/session-list";
 import { toast, useMe, useStore } from "../state/store";
 import { Confirm } from "./confirm";
+import { SessionItem } from "./session-item";
+import { SessionSearch } from "./session-search";
 
 export function SessionPane({ onChosen }: { onChosen: () => void }) {
   const { t } = useTranslation();
@@ -43,15 +47,10 @@ export function SessionDrawer(props: { open: boolean; onOpenChange: (open: boole
 function SessionList({ onChosen }: { onChosen: () => void }) {
   const { t } = useTranslation();
   const me = useMe();
-  const [words, setWords] = useState("");
-  const sessions = useStore((state) => state.sessions);
-  const known = useStore((state) => state.sessionsKnown);
-  const more = useStore((state) => state.moreSessions !== null);
+  const [words, setWords] = useSearch();
+  const shown = useShown(words);
   const online = useStore((state) => state.link.status === "online");
   const [doomed, setDoomed] = useState<SessionInfo | null>(null);
-  const found = sessions.filter((session) =>
-    (session.title ?? "").toLocaleLowerCase().includes(words.trim().toLocaleLowerCase()),
-  );
   const begin = (): void => {
     newSession().then(onChosen, () => undefined);
   };
@@ -69,30 +68,18 @@ function SessionList({ onChosen }: { onChosen: () => void }) {
             <Plus aria-hidden /> {t("sessions.new")}
           </button>
         )}
-        <label className="search">
-          <Search aria-hidden />
-          <span className="sr-only">{t("sessions.search")}</span>
-          <input
-            type="search"
-            value={words}
-            placeholder={t("sessions.search")}
-            onChange={(event) => setWords(event.target.value)}
-          />
-        </label>
+        <SessionSearch words={words} onWords={setWords} />
       </div>
-      <div className="sessions-scroll">
-        {found.length === 0 ? (
-          <p className="muted small sessions-none">
-            {known && (sessions.length === 0 ? t("sessions.none") : t("sessions.noneFound"))}
-          </p>
-        ) : (
-          <Groups sessions={found} onChosen={onChosen} onDelete={setDoomed} />
-        )}
-        {more && words === "" && (
+      <div className="sessions-scroll" aria-busy={shown.searching}>
+        <p className={shown.sessions.length === 0 ? "muted small sessions-none" : "sr-only"} role="status">
+          {shown.text}
+        </p>
+        <Groups sessions={shown.sessions} onChosen={onChosen} onDelete={setDoomed} />
+        {shown.more !== null && (
           <button
             type="button"
             className="button quiet wide"
-            onClick={() => void listMoreSessions().catch(() => undefined)}
+            onClick={() => void shown.more?.().catch(() => undefined)}
           >
             {t("sessions.more")}
           </button>
@@ -117,6 +104,42 @@ function SessionList({ onChosen }: { onChosen: () => void }) {
       />
     </>
   );
+}
+
+interface Shown {
+  sessions: SessionInfo[];
+  /** Reads the next page; null when all are here. */
+  more: (() => Promise<void>) | null;
+  searching: boolean;
+  /** Said where there is nothing, and to those who do not see the list. */
+  text: string;
+}
+
+/** What is here at once, and what the agent finds as soon as it has answered. */
+function useShown(search: string): Shown {
+  const { t } = useTranslation();
+  const sessions = useStore((state) => state.sessions);
+  const known = useStore((state) => state.sessionsKnown);
+  const found = useStore((state) => state.found);
+  const older = useStore((state) => state.moreSessions !== null);
+  const words = wordsOf(search).join(" ");
+  if (words === "") {
+    const text = known && sessions.length === 0 ? t("sessions.none") : "";
+    return { sessions, more: older ? listMoreSessions : null, searching: !known, text };
+  }
+  const answered = found?.words === words;
+  // An agent that does not know this search answers with the whole list.
+  const matching = (answered ? found.sessions : sessions).filter((session) => matches(session, words));
+  return {
+    sessions: matching,
+    more: answered && found.more !== null ? findMore : null,
+    searching: !answered,
+    text: !answered
+      ? t("people.searching")
+      : matching.length === 0
+        ? t("people.foundNone", { words: search.trim() })
+        : t("people.found", { count: matching.length }),
+  };
 }
 
 type Age = "today" | "yesterday" | "earlier";
@@ -150,61 +173,4 @@ function Groups(props: {
       </section>
     );
   });
-}
-
-function SessionItem(props: {
-  session: SessionInfo;
-  now: Date;
-  onChosen: () => void;
-  onDelete: (session: SessionInfo) => void;
-}) {
-  const { t } = useTranslation();
-  const { session } = props;
-  const me = useMe();
-  const current = useStore((state) => state.currentId === session.sessionId);
-  const canDelete = useStore((state) => state.canDelete && state.link.status === "online");
-  const asks = useStore((state) => state.questions.some(({ sessionId }) => sessionId === session.sessionId));
-  const working = useStore(
-    (state) =>
-      state.telemetry?.turn?.sessionId === session.sessionId ||
-      Boolean(state.conversations[session.sessionId]?.turn),
-  );
-  const title = session.title ?? t("sessions.untitled");
-  const choose = (): void => {
-    openSession(session.sessionId).catch(() => undefined);
-    props.onChosen();
-  };
-  return (
-    <li className="session" data-current={current}>
-      <button
-        type="button"
-        className="session-open"
-        data-testid="session-item"
-        aria-current={current ? "true" : undefined}
-        onClick={choose}
-      >
-        <MessageSquare aria-hidden />
-        <span className="session-title" title={title}>
-          {title}
-        </span>
-        <span className="session-sub">
-          {asks || working ? (
-            <span className="session-busy">{t(asks ? "sessions.asks" : "sessions.working")}</span>
-          ) : (
-            session.updatedAt && when(new Date(session.updatedAt), props.now)
-          )}
-        </span>
-      </button>
-      {canDelete && canPrompt(me.role) && (
-        <button
-          type="button"
-          className="icon-button session-delete"
-          aria-label={t("sessions.delete", { title })}
-          onClick={() => props.onDelete(session)}
-        >
-          <Trash2 aria-hidden />
-        </button>
-      )}
-    </li>
-  );
 }

@@ -20,6 +20,7 @@ import { useStore } from "../state/store";
 import { outcomeOf, summaryOf, type Outcome } from "../state/summary";
 import { DataView } from "./data-view";
 import { Picture, Sound } from "./media";
+import { RobotAwaited } from "./robot-awaited";
 
 const ICONS: Record<Outcome, typeof Ban> = {
   pending: CircleDashed,
@@ -65,6 +66,7 @@ export function ToolCard({ item }: { item: ToolItem }) {
           )}
         </div>
         {item.progress !== null && item.status === "in_progress" && <Progress item={item} />}
+        {item.waiting === "robot" && <RobotAwaited />}
         {summary !== "" && <p className="tool-summary">{summary}</p>}
         <Media item={item} />
         {item.decision !== null && <DecisionLine decision={item.decision} />}

@@ -96,11 +96,13 @@ function End({ items, silent }: { items: Item[]; silent: boolean }) {
   const words =
     note === undefined
       ? silent && t("kiosk.done")
-      : note.error !== null
-        ? t("kiosk.failed", { reason: note.error })
-        : note.stopReason === "cancelled"
-          ? t("kiosk.cancelled")
-          : t("kiosk.cut");
+      : note.takenBy !== undefined
+        ? t("people.kioskTaken")
+        : note.error !== null
+          ? t("kiosk.failed", { reason: note.error })
+          : note.stopReason === "cancelled"
+            ? t("kiosk.cancelled")
+            : t("kiosk.cut");
   return words === false ? null : (
     <p className="kiosk-end" data-testid="kiosk-end">
       {words}

@@ -56,6 +56,8 @@ export interface NoteItem {
   kind: "note";
   key: string;
   stopReason: string | null;
+  /** Who took the robot over, where that is what happened. */
+  takenBy?: string;
   error: string | null;
 }
 

@@ -19,6 +19,7 @@ import {
   progressOf,
   rememberedOf,
   seqOf,
+  takenOverBy,
   toolOf,
   turnOf,
   waitingOf,
@@ -106,6 +107,8 @@ function joined(blocks: ContentBlock[], next: ContentBlock): ContentBlock[] {
 }
 
 function agentChunk(state: Conversation, kind: AgentItem["kind"], chunk: ContentChunk): Conversation {
+  const takenBy = takenOverBy(chunk._meta);
+  if (takenBy !== null) return add<NoteItem>(state, { kind: "note", stopReason: null, takenBy, error: null });
   const messageId = chunk.messageId ?? null;
   const text = chunk.content.type === "text" ? chunk.content.text : "";
   const blocks = chunk.content.type === "text" ? [] : [chunk.content];
@@ -207,10 +210,11 @@ function info(state: Conversation, update: Update<"session_info_update">): Conve
   return turn === null ? titled : ended(titled, turn.stopReason ?? "end_turn");
 }
 
-/** The turn is over. A normal end needs no words. */
+/** The turn is over. A normal end needs no words, and neither does one that has been told. */
 function ended(state: Conversation, stopReason: string): Conversation {
   const over: Conversation = { ...state, turn: null };
-  if (stopReason === "end_turn") return over;
+  const last = state.items.at(-1);
+  if (stopReason === "end_turn" || (last?.kind === "note" && last.takenBy !== undefined)) return over;
   return add<NoteItem>(over, { kind: "note", stopReason, error: null });
 }
 

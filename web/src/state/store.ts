@@ -7,6 +7,7 @@ import { create } from "zustand";
 import type { Abilities } from "../acp/abilities";
 import type { LinkState } from "../acp/link";
 import type { Preview } from "../acp/meta";
+import type { Person } from "../acp/people";
 import type { Stop, Telemetry } from "../acp/telemetry";
 import type { Health, Me } from "../api/http";
 import { EMPTY, type Conversation } from "./conversation";
@@ -58,6 +59,10 @@ export interface State {
   /** Where the next page of sessions begins; null when all are here. */
   moreSessions: string | null;
   sessionsKnown: boolean;
+  /** The answer to the last search; `more` is where its next page begins. Null while nothing is looked for. */
+  found: { words: string; sessions: SessionInfo[]; more: string | null } | null;
+  /** Who is connected; null where nobody tells. */
+  people: Person[] | null;
 
   currentId: string | null;
   /** True from choosing a session until it can be used. */
@@ -90,6 +95,8 @@ export const INITIAL: State = {
   sessions: [],
   moreSessions: null,
   sessionsKnown: false,
+  found: null,
+  people: null,
   currentId: null,
   opening: false,
   conversations: {},
