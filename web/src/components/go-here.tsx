@@ -2,7 +2,7 @@
  * Where shall it go? A place or a point picked on the map, or a place of the list, and a Go that sends an ordinary prompt
  * in the session on the screen. There is no other way from the map to the robot.
  */
-import { useEffect, type KeyboardEvent } from "react";
+import { useEffect, useId, useRef, type KeyboardEvent } from "react";
 import { useTranslation } from "react-i18next";
 import { learnAbilities } from "../acp/abilities";
 import { prompt } from "../acp/sessions";
@@ -25,11 +25,12 @@ export function GoHere({ destination, refused, onDestination, onOver }: GoHerePr
   const me = useMe();
   const robot = useStore(robotName);
   const whyNot = useWhyNot();
-  const words = useDestinationWords(destination);
+  const words = useWords();
+  const problemId = useId();
   const send = (): void => {
     if (destination === null || whyNot !== null) return;
     void prompt(promptFor(destination), me.name);
-    onOver(words);
+    onOver(words(destination));
   };
   const onKeyDown = (event: KeyboardEvent): void => {
     if (event.key === "Escape") onOver(null);
@@ -38,7 +39,7 @@ export function GoHere({ destination, refused, onDestination, onOver }: GoHerePr
     // Escape is Cancel.
     // eslint-disable-next-line jsx-a11y/no-noninteractive-element-interactions
     <form
-      className="go-here"
+      className="scene-tools go-here"
       data-testid="go-here-bar"
       aria-label={t("goHere.bar", { robot })}
       onKeyDown={onKeyDown}
@@ -47,15 +48,7 @@ export function GoHere({ destination, refused, onDestination, onOver }: GoHerePr
         send();
       }}
     >
-      <p className="go-here-words" role="status" data-testid="go-here-words" data-chosen={words !== null}>
-        {words ?? (
-          <>
-            <span className="for-mouse">{t("goHere.click")}</span>
-            <span className="for-touch">{t("goHere.touch")}</span>
-          </>
-        )}
-      </p>
-      <PlaceList destination={destination} onDestination={onDestination} />
+      <PlaceList destination={destination} onDestination={onDestination} describedBy={problemId} />
       <button type="button" className="button" data-testid="go-here-cancel" onClick={() => onOver(null)}>
         {t("goHere.cancel")}
       </button>
@@ -67,45 +60,68 @@ export function GoHere({ destination, refused, onDestination, onOver }: GoHerePr
       >
         {t("goHere.go")}
       </button>
-      <p className="go-here-problem small" role="status">
+      {/* What is picked on the map is read out here. */}
+      <p className="sr-only" role="status">
+        {destination === null ? "" : words(destination)}
+      </p>
+      <p className="go-here-problem" id={problemId} role="status">
         {whyNot === null ? refused : t(`goHere.${whyNot}`, { robot })}
       </p>
     </form>
   );
 }
 
-function useDestinationWords(destination: Destination | null): string | null {
+type Words = (destination: Destination) => string;
+
+function useWords(): Words {
   const { t } = useTranslation();
-  if (destination === null) return null;
-  if ("place" in destination) return t("goHere.toPlace", destination);
-  return t("goHere.toPoint", { x: fixed(destination.x, 1), y: fixed(destination.y, 1) });
+  return (destination) =>
+    "place" in destination
+      ? t("goHere.toPlace", destination)
+      : t("goHere.toPoint", { x: fixed(destination.x, 1), y: fixed(destination.y, 1) });
 }
 
-/** The way for those who do not point. */
-function PlaceList({ destination, onDestination }: Pick<GoHereProps, "destination" | "onDestination">) {
+/** No place has this name. */
+const PICKED = "\n";
+
+interface PlaceListProps extends Pick<GoHereProps, "destination" | "onDestination"> {
+  describedBy: string;
+}
+
+/** What was picked, and every place there is, for those who do not point. */
+function PlaceList({ destination, onDestination, describedBy }: PlaceListProps) {
   const { t, i18n } = useTranslation();
-  const abilities = useStore((state) => state.abilities);
+  const words = useWords();
+  const list = useRef<HTMLSelectElement>(null);
+  const places = useStore((state) => state.abilities?.places);
   const online = useStore((state) => state.link.status === "online");
+  useEffect(() => list.current?.focus(), []);
   useEffect(() => {
     if (online) void learnAbilities();
   }, [online]);
-  const names = (abilities?.places ?? [])
+  const names = (places ?? [])
     .map(({ name }) => name)
     .sort(new Intl.Collator(i18n.language, { numeric: true }).compare);
-  const chosen = destination !== null && "place" in destination ? destination.place : "";
-  const known = names.includes(chosen);
+  const listed = destination !== null && "place" in destination && names.includes(destination.place);
+  const hint = t(window.matchMedia("(pointer: coarse)").matches ? "goHere.touch" : "goHere.click");
   return (
     <select
       className="go-here-place"
       data-testid="go-here-place"
+      ref={list}
       aria-label={t("goHere.place")}
-      value={known ? chosen : ""}
-      onChange={({ target }) => onDestination(target.value === "" ? null : { place: target.value })}
+      aria-describedby={describedBy}
+      data-chosen={destination !== null}
+      value={destination === null ? "" : listed ? destination.place : PICKED}
+      onChange={({ target }) => {
+        if (target.value !== PICKED) onDestination(target.value === "" ? null : { place: target.value });
+      }}
     >
-      <option value="">{t(abilities?.places.length === 0 ? "goHere.noPlaces" : "goHere.place")}</option>
-      {names.map((name) => (
-        <option key={name} value={name}>
-          {name}
+      <option value="">{hint}</option>
+      {destination !== null && !listed && <option value={PICKED}>{words(destination)}</option>}
+      {names.map((place) => (
+        <option key={place} value={place}>
+          {words({ place })}
         </option>
       ))}
     </select>

@@ -11,14 +11,13 @@ const ICONS = { follow: LocateFixed, top: ScanEye, map: Map };
 export interface SceneBarProps {
   view: ShownView | null;
   onView: (view: View) => void;
-  going: boolean;
-  onGoing: (going: boolean) => void;
+  onGoHere: () => void;
   goButton: Ref<HTMLButtonElement>;
   camera: boolean;
   onCamera: (open: boolean) => void;
 }
 
-export function SceneBar({ view: shown, onView, going, onGoing, goButton, camera, onCamera }: SceneBarProps) {
+export function SceneBar({ view: shown, onView, onGoHere, goButton, camera, onCamera }: SceneBarProps) {
   const { t } = useTranslation();
   const me = useMe();
   return (
@@ -47,8 +46,7 @@ export function SceneBar({ view: shown, onView, going, onGoing, goButton, camera
           className="scene-tool single"
           data-testid="go-here"
           ref={goButton}
-          aria-expanded={going}
-          onClick={() => onGoing(!going)}
+          onClick={onGoHere}
         >
           <MapPin aria-hidden /> {t("goHere.button")}
         </button>

@@ -1,5 +1,6 @@
 /** The live map with its buttons and the camera's picture. */
 import { useCallback, useRef, useState } from "react";
+import { flushSync } from "react-dom";
 import { useTranslation } from "react-i18next";
 import { useSceneLink, VIEWER } from "../hooks/use-scene-link";
 import { keepCamera, keptCamera } from "../scene/camera-choice";
@@ -35,7 +36,7 @@ export function SceneView({ shown, alone }: { shown: boolean; alone: boolean }) 
     pick(on);
   };
   const over = (asked: string | null): void => {
-    go(false);
+    flushSync(() => go(false));
     goButton.current?.focus();
     // Elsewhere the conversation beside the map shows it.
     if (asked !== null && alone) toast("info", t("goHere.sent", { what: asked }));
@@ -44,21 +45,22 @@ export function SceneView({ shown, alone }: { shown: boolean; alone: boolean }) 
     <div className="scene-view">
       <div className="scene-main" inert={large}>
         <div className="scene-bar">
-          <SceneBar
-            view={view}
-            onView={show}
-            going={going}
-            onGoing={go}
-            goButton={goButton}
-            camera={camera}
-            onCamera={openCamera}
-          />
-          {going && (
+          {/* One takes the other's place, so that the map stays as it is. */}
+          {going ? (
             <GoHere
               destination={destination}
               refused={refused}
               onDestination={setDestination}
               onOver={over}
+            />
+          ) : (
+            <SceneBar
+              view={view}
+              onView={show}
+              onGoHere={() => go(true)}
+              goButton={goButton}
+              camera={camera}
+              onCamera={openCamera}
             />
           )}
         </div>

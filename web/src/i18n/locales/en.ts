@@ -289,10 +289,9 @@ const en = {
   goHere: {
     button: "Go here",
     bar: "Send {{robot}} somewhere",
-    click: "Click a place or the floor.",
-    touch: "Touch a place or the floor.",
-    place: "Go to …",
-    noPlaces: "No places are known.",
+    click: "Click a place or the floor …",
+    touch: "Touch a place or the floor …",
+    place: "Where to",
     toPlace: "Go to {{place}}",
     toPoint: "Go to the point {{x}}, {{y}}",
     cancel: "Cancel",

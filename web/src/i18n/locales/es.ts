@@ -302,10 +302,9 @@ const es = {
   goHere: {
     button: "Ir aquí",
     bar: "Enviar a {{robot}} a un sitio",
-    click: "Haga clic en un lugar o en el suelo.",
-    touch: "Toque un lugar o el suelo.",
-    place: "Ir a …",
-    noPlaces: "No se conoce ningún lugar.",
+    click: "Haga clic en un lugar o en el suelo …",
+    touch: "Toque un lugar o el suelo …",
+    place: "Adónde",
     toPlace: "Ir a {{place}}",
     toPoint: "Ir al punto x {{x}}; y {{y}}",
     cancel: "Cancelar",
