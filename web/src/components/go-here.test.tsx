@@ -20,7 +20,7 @@ function show(destination: Destination | null, state: Partial<State> = {}): void
     conversations: { s1: EMPTY },
     link: { status: "online" },
     auth: { status: "in", me: { name: "Ana", role: "operator", robot: "Sancho" } },
-    abilities: { places: ["lab 10", "lab 2"].map((name) => ({ name, type: null })), tools: [] },
+    abilities: { places: ["lab 10", "lab 2"].map((name) => ({ name, type: null })), tools: [], titles: {} },
     ...state,
   });
   render(<GoHere destination={destination} refused={null} onDestination={onDestination} onOver={onOver} />);

@@ -3,13 +3,12 @@ import { BellOff, BellRing, CircleCheck, CircleX } from "lucide-react";
 import { Popover } from "radix-ui";
 import { useEffect } from "react";
 import { useTranslation } from "react-i18next";
-import { askAbilities } from "../acp/abilities";
-import { theAgent } from "../acp/sessions";
+import { learnAbilities } from "../acp/abilities";
 import { askAllowance, useAllowance } from "../attention/notification";
 import { change, useAttentionSettings } from "../attention/settings";
 import { useLayout } from "../hooks/use-media";
 import { canApprove } from "../state/rights";
-import { robotName, setState, useConversation, useMe, useStore } from "../state/store";
+import { robotName, useConversation, useMe, useStore } from "../state/store";
 import { Tick } from "./tick";
 
 /** Behind a button where the line at the top has no room for it. */
@@ -122,13 +121,8 @@ function Remembered() {
 function useTitles(): Record<string, string> {
   const abilities = useStore((state) => state.abilities);
   useEffect(() => {
-    const peer = theAgent();
-    if (abilities !== null || peer === null) return;
-    // The robot is away, or the agent another one: then the names have to do.
-    askAbilities(peer).then(
-      (known) => setState({ abilities: known }),
-      () => undefined,
-    );
+    // When nobody can tell, the names have to do.
+    if (abilities === null) void learnAbilities();
   }, [abilities]);
   return abilities?.titles ?? {};
 }
