@@ -20,12 +20,22 @@ export const LogRow = memo(function LogRow(props: { row: Row; name: string; sess
         <span className="log-number">{row.seq}</span>
         <span className="log-time">{clock(row.at)}</span>
         <span className="log-kind">{name}</span>
-        <span className="log-text">{row.text}</span>
+        <span className="log-text">{useText(row)}</span>
       </button>
       {open && <Details seq={row.seq} sessionId={sessionId} />}
     </li>
   );
 });
+
+const ENDS = ["cancelled", "max_tokens", "max_turn_requests", "refusal", "interrupted"] as const;
+
+/** How a turn ended, in words; a normal end needs none. */
+function useText({ kind, text }: Row): string {
+  const { t } = useTranslation();
+  if (kind !== "ended") return text;
+  const end = ENDS.find((reason) => reason === text);
+  return end === undefined ? "" : t(`note.${end}`);
+}
 
 function Details({ seq, sessionId }: { seq: number; sessionId: string }) {
   const { t } = useTranslation();

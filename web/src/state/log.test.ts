@@ -54,7 +54,7 @@ describe("a row", () => {
         sessionUpdate: "session_info_update",
         _meta: { "robot-acp/turn": { id: "t", state: "ended", stopReason: "end_turn" } },
       }),
-    ).toEqual(["ended", "end turn"]);
+    ).toEqual(["ended", "end_turn"]);
   });
 
   it("is small, whatever its event holds", () => {

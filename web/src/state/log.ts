@@ -90,7 +90,7 @@ function told(update: Event["update"], titles: Titles): [Kind, string] {
       return ["settings", update.configOptions.map(({ name }) => name).join(", ")];
     case "session_info_update": {
       const turn = turnOf(update._meta);
-      if (turn?.state === "ended") return ["ended", (turn.stopReason ?? "").replaceAll("_", " ")];
+      if (turn?.state === "ended") return ["ended", turn.stopReason ?? ""];
       return typeof update.title === "string" ? ["named", update.title] : ["forked", ""];
     }
     case "usage_update":
