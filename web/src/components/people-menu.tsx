@@ -81,8 +81,11 @@ function Holder() {
   return (
     <span className="metric people-holder" data-testid="status-holder">
       <Hand aria-hidden />
-      <span className="metric-value">
+      <span className="metric-value holder-words">
         {holder === me.name ? t("status.heldByYou") : t("status.heldBy", { name: holder })}
+      </span>
+      <span className="metric-value holder-short" aria-hidden="true">
+        {holder}
       </span>
     </span>
   );
@@ -127,7 +130,7 @@ function Row({ person }: { person: Listed }) {
   const Icon = ICONS[person.role];
   const facts = [
     t(`role.${person.role}`),
-    person.connections > 1 ? t("people.screens", { count: person.connections }) : null,
+    person.connections > 1 ? t("people.devices", { count: person.connections }) : null,
   ].filter((fact) => fact !== null);
   return (
     <li className="person" data-testid="person" data-name={person.name}>

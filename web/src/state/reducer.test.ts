@@ -496,3 +496,29 @@ describe("a session that goes on for days", () => {
     expect([state.items.length, state.dropped]).toEqual([MAX_ITEMS, 0]);
   });
 });
+
+describe("a turn from which the robot was taken", () => {
+  const TAKEN: SessionUpdate = {
+    sessionUpdate: "agent_message_chunk",
+    content: text("Sue took the robot over, so I stopped here."),
+    _meta: { "robot-acp/taken_over": { by: "Sue" } },
+  };
+  const CANCELLED: SessionUpdate = {
+    sessionUpdate: "session_info_update",
+    _meta: { "robot-acp/turn": { id: "t1", state: "ended", stopReason: "cancelled" } },
+  };
+
+  it("says who did it, once, and not that it was cancelled", () => {
+    const after = play(numbered([ASKED, TAKEN, CANCELLED]));
+    expect(after.turn).toBeNull();
+    expect(after.items.slice(1)).toEqual([
+      { kind: "note", key: "i2", stopReason: null, takenBy: "Sue", error: null },
+    ]);
+    expect(promptEnded(after, "cancelled")).toBe(after);
+  });
+
+  it("says it in the agent's words where nobody is named", () => {
+    const lost = play(numbered([ASKED, { ...TAKEN, _meta: {} }, CANCELLED]));
+    expect(lost.items.map(({ kind }) => kind)).toEqual(["user", "agent", "note"]);
+  });
+});
