@@ -21,7 +21,7 @@ from backend.bridge.origin import OriginPolicy
 from backend.bridge.scene.proxy import SceneSocket
 from backend.bridge.scene.scene import Scene
 from backend.identity import Role
-from backend.telemetry import Map, Motion, Path, Pose, Scan, Stop
+from backend.telemetry import Map, Motion, Path, Picture, Pose, Scan, Stop, Zone
 from tests.bridge.scenes import CAMERA, MAP, POINTER, SUBPROTOCOL, TelemetryPeer, state, told
 
 
@@ -190,6 +190,93 @@ async def test_standing_still_costs_viser_nothing(scene, robot, wait_until):
     await robot.send(*[state(time=float(i)) for i in range(50)], MAP, state(pose=Pose(1.1, 2.0, 1.5)))
     await wait_until(lambda: tuple(stage._robot.position) == (1.1, 2.0, 0.0))
     assert buffer.message_counter == before + 1
+
+
+async def test_standing_still_with_people_about_costs_what_they_move_and_no_more(scene, robot, viewer, wait_until):
+    stage = scene._stage
+    buffer = stage._server._websock_server._broadcast_buffer
+    await robot.send(HALL, state(pose=Pose(5.0, 5.0, 0.0)))
+    async with viewer(Role.VIEWER):
+        await robot.send(person(7.0))
+        await wait_until(lambda: any(post.visible for post in stage._surroundings.posts))
+        before, nodes = buffer.message_counter, len(buffer.message_from_id)
+        await robot.send(*[person(7.0) for _ in range(50)], state(pose=Pose(5.0, 5.0, 0.1)))
+        await wait_until(lambda: tuple(stage._robot.wxyz)[3] > 0)
+        assert buffer.message_counter == before + 1  # the heading
+        await robot.send(*[person(7.0 + i / 50) for i in range(50)], state(pose=Pose(5.0, 5.0, 0.2)))
+        await wait_until(lambda: tuple(stage._robot.wxyz)[3] > 0.09)
+        assert len(buffer.message_from_id) <= nodes + 4  # what is kept for a new viewer does not grow
+
+
+async def test_who_the_laser_sees_is_a_post_that_is_gone_with_the_robot(scene, robot, wait_until):
+    stage = scene._stage
+    await robot.send(HALL, state(pose=Pose(5.0, 5.0, 0.0)), person(7.0))
+    (post,) = await wait_until(lambda: [post for post in stage._surroundings.posts if post.visible])
+    assert tuple(post.position) == pytest.approx((7.0, 5.0, 0.0), abs=0.15)
+    await robot.hang_up()
+    await wait_until(lambda: not post.visible)
+
+
+async def test_the_trail_is_drawn_and_another_map_clears_it(scene, robot, wait_until):
+    stage = scene._stage
+    await robot.send(HALL, *[state(pose=Pose(2.0 + i * 0.3, 5.0, 0.0)) for i in range(5)])
+    await wait_until(lambda: stage._pieces[0].visible and len(stage._pieces[0].points) == 4)
+    assert stage._pieces[0].points[-1][1][:2] == pytest.approx([3.2, 5.0])
+    await robot.send(MAP)
+    await wait_until(lambda: not any(piece.visible for piece in stage._pieces))
+
+
+async def test_zones_are_named(scene, robot, wait_until):
+    await robot.send(msgspec.structs.replace(MAP, zones=[Zone("store", [(1, 1), (2, 1), (2, 2), (1, 2)])]))
+    await wait_until(lambda: [label.text for label in scene._stage._building.names] == ["kitchen", "No entry: store"])
+
+
+async def test_the_cameras_view_is_shown_while_somebody_looks_through_it(scene, robot, wait_until):
+    stage = scene._stage
+    await robot.send(MAP, state())
+    picture = Picture(1.0, Pose(1.0, 2.0, 1.5), 640, 360, b"jpeg")
+    with scene.pictures() as pictures:
+        await robot.send(picture)
+        await wait_until(lambda: stage._sight.visible)
+        assert stage._sight.aspect == pytest.approx(16 / 9)
+        assert await pictures.take() == [b"jpeg"]
+    await robot.send(picture, state(time=2.0))
+    await wait_until(lambda: not stage._sight.visible)
+
+
+async def test_viser_begins_anew_before_its_numbers_slow_anybody_down(
+    scene, robot, viewer, wait_until, closing, monkeypatch
+):
+    """Whoever looks is connected again, to the same picture."""
+    await robot.send(HALL, *[state(pose=Pose(2.0 + i * 0.3, 5.0, 0.0)) for i in range(5)])
+    await wait_until(lambda: scene._stage._pieces[0].visible)
+    old = scene._stage
+    async with viewer(Role.VIEWER) as page:
+        monkeypatch.setattr("backend.bridge.scene.scene.RENEW_UNSEEN", 0)
+        await robot.send(state(pose=Pose(3.5, 5.0, 0.0)))
+        await wait_until(lambda: tuple(old._robot.position) == (3.5, 5.0, 0.0))
+        assert scene._stage is old  # somebody looks: not yet
+        monkeypatch.setattr("backend.bridge.scene.scene.RENEW_SEEN", 0)
+        await robot.send(state(pose=Pose(3.8, 5.0, 0.0)))
+        await wait_until(lambda: scene._stage is not old)
+        monkeypatch.undo()
+        assert (await closing(page))[0] == 1013
+    stage = scene._stage
+    assert tuple(stage._robot.position) == (3.8, 5.0, 0.0)
+    assert stage._pieces[0].points[-1][1][:2] == pytest.approx([3.8, 5.0])
+    assert stage._grid == HALL
+    assert stage.changes < old.changes
+    async with viewer(Role.VIEWER) as page:
+        await page.send(msgspec.msgpack.encode(CAMERA))
+        assert await told(page, "SetCameraPositionMessage")
+
+
+HALL = Map(0.1, 100, 100, 0.0, 0.0, bytes(10000), [])
+
+
+def person(x: float) -> Scan:
+    """What the laser at (5, 5) sees of somebody who stands at (x, 5)."""
+    return Scan(1.0, Pose(5.0, 5.0, 0.0), -0.06, 0.03, 10.0, [x - 5.2] * 5)
 
 
 async def test_while_the_robot_is_gone_the_scene_says_so_and_comes_back(scene, robot, wait_until):

@@ -30,7 +30,11 @@ async def bridge(bridge_with, robot, wait_until):
     """A bridge whose robot is the peer, and has told its map and where it is."""
     async with bridge_with(robot={"port": robot.port}) as running:
         await wait_until(lambda: robot.asked)
-        await robot.send(MAP, state())
+        await robot.send(state(), MAP)
+        async with Watcher(running).page() as page:
+            await reports(page)
+            while await put(page) != fitting(EXTENT, ASPECT).position:
+                pass  # before the map came
         yield running
 
 
@@ -141,7 +145,7 @@ async def test_a_page_that_connects_again_still_reports_clicks(bridge):
         await wish(control, pick=True)
         await wish(control, view="top")
         while await heard(control) != {"view": "top"}:
-            pass
+            pass  # the view that it began with, if that was not replaced yet
         async with ana.page() as page:
             assert (await told(page, "ScenePointerEnableMessage"))["modifiers"] == [None]
             await reports(page)

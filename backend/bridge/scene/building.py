@@ -19,8 +19,6 @@ WALL: Colour = (154, 165, 181)
 WALL_TOP: Colour = (91, 103, 122)
 
 WALL_HEIGHT = 0.7
-NAME_OFFSET = 0.9
-"""m that a name stands beside its place, so that the robot can be seen there."""
 _SCALE = 3
 """Pixels of the floor's picture for a cell of the map, in each direction."""
 
@@ -63,7 +61,7 @@ class Building:
         for label in self.names:
             label.remove()
         words = [
-            (f"/places/{number}", place.name, (place.pose.x, place.pose.y - NAME_OFFSET), 0.8)
+            (f"/places/{number}", place.name, (place.pose.x, place.pose.y - shapes.NAME_OFFSET), 0.8)
             for number, place in enumerate(grid.places)
         ] + [
             (f"/zones/{number}", f"No entry: {zone.name}", zones.middle(zone.polygon), 0.7)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from backend.bridge.scene.building import NAME_OFFSET
-from backend.bridge.scene.shapes import Extent
+from backend.bridge.scene.shapes import NAME_OFFSET, Extent
 from backend.bridge.scene.viser_wire import Click
 from backend.telemetry import Place
 

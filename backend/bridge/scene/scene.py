@@ -101,13 +101,7 @@ class Scene:
                 for looker in self._cameras:
                     looker.put("picture", message.jpeg)
         if isinstance(message, telemetry.Map):
-            painting = asyncio.ensure_future(
-                asyncio.to_thread(self._stage.show, message)
-            )  # too long for the event loop
-            try:
-                await asyncio.shield(painting)
-            finally:
-                await asyncio.wait([painting])  # a thread cannot be cancelled, and the stage closes after it
+            await self._paint(message)
             self.viewers.look_at(self._stage.extent, message.places)
         else:
             self._stage.show(message)
@@ -115,6 +109,16 @@ class Scene:
             self._shown[type(message)] = message
         if self._stage.changes > (RENEW_SEEN if self._watching else RENEW_UNSEEN):
             await self._renew()
+
+    async def _paint(self, grid: telemetry.Map) -> None:
+        """Draw a map, in a thread: too long for the event loop."""
+        assert self._stage is not None  # noqa: S101 - see above
+        painting = asyncio.ensure_future(asyncio.to_thread(self._stage.show, grid))
+        try:
+            await asyncio.shield(painting)
+        except asyncio.CancelledError:
+            await asyncio.wait([painting])  # a thread cannot be cancelled, and the stage closes after it
+            raise
 
     async def _renew(self) -> None:
         """Have viser number its changes from nought again. Pages lose their connection, and come back to the same."""

@@ -20,6 +20,9 @@ Mask = npt.NDArray[np.bool_]
 Extent = tuple[float, float, float, float]
 """A rectangle of the map (x0, y0, x1, y1), in m."""
 
+NAME_OFFSET = 0.9
+"""m that a name stands beside its place, so that the robot can be seen there."""
+
 
 @dataclass(frozen=True)
 class Mesh:
