@@ -110,7 +110,7 @@ class Dashboard:
 
     async def _menu(self, page: Page) -> None:
         if await page.locator("[role=menu], [role=dialog]").count() == 0:
-            await page.locator("header [aria-haspopup]:not([role=combobox]):visible").last.click()
+            await page.locator("header [aria-haspopup]:visible").last.click()
 
     async def _drawer(self, page: Page) -> None:
         if await page.get_by_role("dialog").count() == 0:
@@ -234,12 +234,9 @@ class Camera:
 async def drawn(page: Page) -> None:
     """The map, where one is in sight, is there in the size that it has on the page."""
     frame = page.locator("iframe:visible")
-    if await frame.count() == 0:
-        return
     canvas = page.frame_locator("iframe:visible").locator("canvas").first
-    await expect(canvas).to_be_visible()
     async with asyncio.timeout(60):
-        while True:
+        while await frame.count() > 0:
             picture = Image.open(io.BytesIO(await canvas.screenshot())).convert("RGB")
             box = await frame.first.bounding_box()
             right = box is not None and abs(picture.width - box["width"] * await scale(page)) < 4

@@ -26,6 +26,7 @@ CHROMIUM_FLAGS = [
     "--disable-component-update",
 ]
 PATIENCE_MS = 30_000
+EMPTY_MAP = "<!doctype html><html lang=en><title>map</title>"
 expect.set_options(timeout=PATIENCE_MS)
 
 
@@ -85,6 +86,19 @@ async def open_page(browser: Browser) -> Opener:
         context = await browser.new_context(viewport=options.pop("viewport", {"width": 1440, "height": 900}), **options)
         page = await context.new_page()
         page.on("pageerror", lambda error: pytest.fail(f"an error on the page: {error}"))
+        await page.goto(url)
+        return page
+
+    return opened
+
+
+@pytest.fixture
+async def open_plain(open_page: Opener) -> Opener:
+    """Opens a page with an empty map: viser's page is not ours, and drawing it takes most of a small machine."""
+
+    async def opened(url: str, **options: Any) -> Page:
+        page = await open_page("about:blank", **options)
+        await page.route("**/scene/**", lambda route: route.fulfill(content_type="text/html", body=EMPTY_MAP))
         await page.goto(url)
         return page
 

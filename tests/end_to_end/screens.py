@@ -21,9 +21,11 @@ async def wide(page: Page) -> AsyncIterator[None]:
     """Everything of the dashboard is on the screen, whatever its size was."""
     before = page.viewport_size
     await page.set_viewport_size(WIDE)
+    await expect(page.locator("[data-layout=wide]")).to_have_count(1)
     yield
-    if before is not None:
+    if before is not None and before != WIDE:
         await page.set_viewport_size(before)
+        await expect(page.locator("[data-layout=wide]")).to_have_count(0)
 
 
 async def online(page: Page) -> None:

@@ -39,10 +39,10 @@ async def tab_to(page: Page, target: Locator) -> None:
     raise AssertionError(f"Tab does not lead to {target}")
 
 
-async def test_from_the_login_to_what_the_robot_says(tmp_path: Path, open_page: Opener) -> None:
-    with Stage(tmp_path, ROBOT_ACP_ROBOT__TIME_SCALE="4") as stage:
-        page = await open_page(stage.base)
-        await tab_to(page, page.get_by_role("textbox", name="Link or access token"))
+async def test_from_the_login_to_what_the_robot_says(tmp_path: Path, open_plain: Opener) -> None:
+    with Stage(tmp_path, ROBOT_ACP_AGENT__PERMISSION_TIMEOUT="600") as stage:
+        page = await open_plain(stage.base)
+        await tab_to(page, page.get_by_role("textbox", name="Link or token"))
         await page.keyboard.insert_text(stage.robot.token("Sue", Role.SUPERVISOR))
         await page.keyboard.press("Enter")
         await screens.online(page)
@@ -63,7 +63,7 @@ async def test_from_the_login_to_what_the_robot_says(tmp_path: Path, open_page: 
             - alertdialog "Sancho asks":
               - heading "Sancho asks" [level=2]
               - paragraph: "Say aloud: “The meeting is at noon.”"
-              - button "Don't" [active]
+              - button "Don’t"
               - button "Allow"
         """)
         async with stage.robot.watched() as watched:
@@ -78,17 +78,19 @@ async def test_from_the_login_to_what_the_robot_says(tmp_path: Path, open_page: 
         await expect(log).to_have_attribute("aria-live", "polite")
         await expect(log).to_match_aria_snapshot("""
             - log "Conversation":
-              - article: say that the meeting is at noon
-              - article "Say aloud: “The meeting is at noon.”": /done/
+              - article:
+                - paragraph: say that the meeting is at noon
+              - 'article "Say aloud: “The meeting is at noon.”"':
+                - paragraph: Allowed by Sue
               - article "Sancho":
                 - paragraph: /I said/
         """)
         await expect(page.get_by_role("textbox", name="Message to Sancho")).to_be_focused()
 
 
-async def test_every_stop_of_the_keyboard_shows_and_is_not_covered(tmp_path: Path, open_page: Opener) -> None:
-    with Stage(tmp_path, ROBOT_ACP_ROBOT__TIME_SCALE="4") as stage:
-        page = await open_page(stage.page("Sue", Role.SUPERVISOR))
+async def test_every_stop_of_the_keyboard_shows_and_is_not_covered(tmp_path: Path, open_plain: Opener) -> None:
+    with Stage(tmp_path, ROBOT_ACP_AGENT__PERMISSION_TIMEOUT="600") as stage:
+        page = await open_plain(stage.page("Sue", Role.SUPERVISOR))
         await screens.talked(page)
         await screens.asked(page, "say that lunch is ready")
         await page.get_by_role("link", name="Skip to the conversation").focus()

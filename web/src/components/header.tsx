@@ -185,7 +185,7 @@ function MeMenu() {
   const { t, i18n } = useTranslation();
   const me = useMe();
   return (
-    <DropdownMenu.Root>
+    <DropdownMenu.Root modal={false}>
       <DropdownMenu.Trigger
         className="me"
         aria-label={t("status.me", { name: me.name, role: t(`role.${me.role}`) })}

@@ -1,6 +1,6 @@
 /** Mode and model of the session, as the agent offers them. */
 import { Check, ChevronDown } from "lucide-react";
-import { Select } from "radix-ui";
+import { DropdownMenu } from "radix-ui";
 import { useTranslation } from "react-i18next";
 import { choose } from "../acp/sessions";
 import { canConfigure } from "../state/rights";
@@ -32,48 +32,47 @@ function SettingSelect(props: { testId: string; label: string; setting: Setting;
   const { label, setting, disabled } = props;
   const me = useMe();
   const current = setting.choices.find(({ value }) => value === setting.current)?.name ?? setting.current;
+  // Not modal: a modal one hides the page from screen readers with the button in it that has the name.
   return (
-    <Select.Root
-      value={setting.current}
-      onValueChange={(value) => void choose(setting, value)}
-      disabled={disabled}
-    >
-      <Select.Trigger
+    <DropdownMenu.Root modal={false}>
+      <DropdownMenu.Trigger
         className="select"
         data-testid={`select-${props.testId}`}
-        aria-label={`${label}: ${current}`}
+        aria-label={`${label} ${current}`}
         title={disabled && !canConfigure(me.role) ? t("settings.readOnly") : current}
+        disabled={disabled}
       >
-        <span className="select-label">{label}</span>
-        <span className="select-value">
-          <Select.Value>{current}</Select.Value>
-        </span>
+        <span className="select-label">{label}</span>{" "}
+        <span className="select-value">{current}</span>
         <ChevronDown aria-hidden className="select-arrow" />
-      </Select.Trigger>
-      <Select.Portal>
-        <Select.Content className="menu select-menu" position="popper" sideOffset={4} collisionPadding={8}>
-          <Select.Viewport>
+      </DropdownMenu.Trigger>
+      <DropdownMenu.Portal>
+        <DropdownMenu.Content className="menu select-menu" align="start" sideOffset={4} collisionPadding={8}>
+          <DropdownMenu.RadioGroup
+            value={setting.current}
+            onValueChange={(value) => void choose(setting, value)}
+          >
             {setting.choices.map((choice) => (
-              <Select.Item
+              <DropdownMenu.RadioItem
                 key={choice.value}
                 value={choice.value}
                 textValue={choice.name}
                 className="menu-item select-item"
               >
-                <Select.ItemIndicator className="select-check">
+                <DropdownMenu.ItemIndicator className="select-check">
                   <Check aria-hidden />
-                </Select.ItemIndicator>
-                <Select.ItemText>
+                </DropdownMenu.ItemIndicator>
+                <span>
                   <span>{choice.name}</span>
                   {choice.description !== null && (
                     <span className="select-description">{choice.description}</span>
                   )}
-                </Select.ItemText>
-              </Select.Item>
+                </span>
+              </DropdownMenu.RadioItem>
             ))}
-          </Select.Viewport>
-        </Select.Content>
-      </Select.Portal>
-    </Select.Root>
+          </DropdownMenu.RadioGroup>
+        </DropdownMenu.Content>
+      </DropdownMenu.Portal>
+    </DropdownMenu.Root>
   );
 }
