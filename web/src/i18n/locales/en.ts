@@ -478,7 +478,7 @@ const en = {
     sound: "Play a sound",
     soundOn: "A sound calls you to a question. Press to mute it.",
     soundOff: "No sound calls you to a question. Press to hear it.",
-    notifyMe: "Notify me when I am away",
+    notifyMe: "Notify me",
     notify: "Notify me while this page is not in front",
     notifyAsk: "Allow notifications …",
     notifyDenied: "The browser blocks notifications of this page. You can allow them in its settings.",

@@ -491,7 +491,7 @@ const es = {
     sound: "Reproducir un sonido",
     soundOn: "Un sonido le avisa de cada pregunta. Pulse para silenciarlo.",
     soundOff: "Ningún sonido le avisa de las preguntas. Pulse para oírlo.",
-    notifyMe: "Avisarme si no estoy",
+    notifyMe: "Avisarme",
     notify: "Avisarme cuando esta página no esté delante",
     notifyAsk: "Permitir avisos …",
     notifyDenied: "El navegador bloquea los avisos de esta página. Puede permitirlos en sus ajustes.",
