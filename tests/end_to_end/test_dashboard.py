@@ -147,6 +147,8 @@ async def test_on_a_phone_nothing_is_cut_off_and_stop_and_the_question_are_in_si
 async def test_the_scene_shows_the_map_and_the_robot_moving_on_it(up: Up, open_page: Opener) -> None:
     page = await open_page(login(up, "Sue", Role.SUPERVISOR))
     await ready(page)
+    await page.get_by_test_id("camera").click()  # its picture lies over the map and changes, too
+    await expect(page.get_by_test_id("camera-view")).to_have_count(0)
     canvas = page.frame_locator("iframe").locator("canvas").first
     await expect(canvas).to_be_visible()
 

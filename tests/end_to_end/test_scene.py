@@ -171,6 +171,28 @@ async def test_who_only_watches_gets_views_and_the_camera_but_no_way_to_send_the
     await expect(page.get_by_test_id("go-here")).to_have_count(0)
 
 
+async def fits(page: Page, names: list[str]) -> None:
+    for name in names:
+        box = await page.get_by_test_id(name).bounding_box()
+        assert box is not None
+        assert min(box["width"], box["height"]) >= 44, name
+        assert box["x"] >= 0, name
+        assert box["x"] + box["width"] <= PHONE["width"], name
+
+
+@pytest.mark.parametrize("language", ["en-GB", "es-ES"])
+async def test_on_a_phone_every_button_of_the_map_is_in_sight_and_large_enough(
+    up: Up, open_page: Opener, language: str
+) -> None:
+    page = await open_page(login(up, "Sue", Role.SUPERVISOR), viewport=PHONE, has_touch=True, locale=language)
+    await page.get_by_role("navigation").get_by_role("button").nth(1).tap()
+    await fits(page, ["view-follow", "view-top", "view-map", "go-here", "camera"])
+    await page.get_by_test_id("camera").tap()
+    await fits(page, ["camera-size"])
+    await page.get_by_test_id("go-here").tap()
+    await fits(page, ["go-here-place", "go-here-cancel", "go-here-go"])
+
+
 async def test_the_kiosk_has_the_plain_map(up: Up, open_page: Opener) -> None:
     url = f"{up.base}/kiosk#token={up.robot.token('Kiosk', Role.VISITOR)}"
     page = await open_page(url, viewport={"width": 1080, "height": 1920})

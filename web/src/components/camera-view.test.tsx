@@ -5,6 +5,8 @@ import { FakeSocket } from "../scene/fake-socket";
 import { INITIAL, setState } from "../state/store";
 import { CameraView } from "./camera-view";
 
+const revoked = vi.fn();
+
 const view = (shown: boolean) => (
   <CameraView shown={shown} large={false} onLarge={() => undefined} onClose={() => undefined} />
 );
@@ -21,7 +23,7 @@ beforeEach(() => {
   vi.stubGlobal("WebSocket", FakeSocket);
   FakeSocket.all = [];
   URL.createObjectURL = vi.fn(() => "blob:picture");
-  URL.revokeObjectURL = vi.fn();
+  URL.revokeObjectURL = revoked;
   setState({ ...INITIAL, auth: { status: "in", me: { name: "Ana", role: "viewer", robot: "Sancho" } } });
 });
 
@@ -51,5 +53,5 @@ it("shows what comes, and says so when nothing comes any more", () => {
   act(() => void vi.advanceTimersByTime(3000));
   expect(screen.queryByRole("img")).toBeNull();
   expect(screen.getByText(/no picture from the camera/)).toBeDefined();
-  expect(URL.revokeObjectURL).toHaveBeenCalledWith("blob:picture");
+  expect(revoked).toHaveBeenCalledWith("blob:picture");
 });
