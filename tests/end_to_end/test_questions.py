@@ -15,7 +15,7 @@ from backend.identity import Role
 from tests.end_to_end.conftest import Opener, Up, start
 from tests.end_to_end.test_dashboard import PHONE, login, ready, until
 from tests.end_to_end.test_papers_session import ask
-from tests.processes import Robot, end
+from tests.processes import Client, Robot, end
 
 LISTEN = """
 window.heard = { notifications: [], tones: 0, closed: 0 };
@@ -38,8 +38,7 @@ DRIVES_ASK = {"supervised": {"navigate_to_place": "ask", "navigate_to_pose": "as
 
 @pytest.fixture(scope="module")
 def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
-    """A robot that asks before it drives, has little charge left, and finds the door of one lab closed. The test of the
-    battery needs the one before it: at its dock the robot charges."""
+    """A robot that asks before it drives, has little charge left, and finds the door of one lab closed."""
     settings = {
         "ROBOT_ACP_AGENT__POLICY": json.dumps(DRIVES_ASK),
         "ROBOT_ACP_ROBOT__SIMULATOR__BATTERY": "0.12",
@@ -86,6 +85,10 @@ async def test_a_robot_that_stopped_by_itself_is_told_until_somebody_has_read_it
 
 async def test_a_battery_that_is_low_is_told_away_from_the_dock(up: Up, open_page: Opener) -> None:
     page = await supervisor(up, open_page)
+    staff = await Client.open(f"tcp://127.0.0.1:{up.robot.agent_port}")
+    await staff.new()
+    await staff.prompt("go to the reception")  # at its dock it charges
+    await staff.close()
     async with up.robot.watched() as watched:
         await watched.until(lambda: not watched.state.battery.charging, "the robot to be away from its dock")
         assert watched.state.battery.level <= 0.2
