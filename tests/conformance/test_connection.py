@@ -155,7 +155,8 @@ async def test_robot_take_over(robot: Robot, client: RecordedClient) -> None:
     await client.new()
     first = client.session
     async with robot.watched() as watched:
-        driving = client.later(client.prompt("turn left by 350 degrees"))
+        dance = ", then ".join(["turn left by 350 degrees", "turn right by 350 degrees"] * 8)
+        driving = client.later(client.prompt(dance))
         await watched.until(lambda: watched.state.twist.angular, "the robot to turn")
         await client.new()
         waiting = client.later(client.prompt("turn right by 10 degrees"))
