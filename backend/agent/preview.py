@@ -14,6 +14,7 @@ from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from typing import Any
 
+from backend.agent.phases import Phases
 from backend.agent.robot_link import RobotLink
 from backend.agent.tool_server import ServerUnavailable, Tool, ToolResult, ToolServer
 
@@ -41,7 +42,7 @@ class View:
 
 @contextlib.asynccontextmanager
 async def shown(
-    tools: ToolServer, link: RobotLink, argument: str, tool: Tool, arguments: dict[str, Any]
+    tools: ToolServer, link: RobotLink, phases: Phases, argument: str, tool: Tool, arguments: dict[str, Any]
 ) -> AsyncIterator[View]:
     """Show what `tool` would do with `arguments` while inside, and afterwards if it `stays`. Raises `Refused`."""
     if not can_preview(tool, argument):
@@ -49,7 +50,8 @@ async def shown(
         return
     view = View()
     try:
-        view.meta = await _computed(tools, tool, arguments | {argument: True})
+        with phases.during("tools"):
+            view.meta = await _computed(tools, tool, arguments | {argument: True})
         yield view
     finally:
         if not view.stays:

@@ -276,7 +276,7 @@ class Turn:
         desk = self.session.desk
         if not desk.attended(not_by):
             return Verdict(False, "nobody")
-        async with preview.shown(bench.tools, bench.link, bench.preview, tool, arguments) as view:
+        async with preview.shown(bench.tools, bench.link, self._phases, bench.preview, tool, arguments) as view:
             # Those who are not asked, as the visitor who wants it, see why nothing happens.
             waits = {"for": "permission", "timeout_s": desk.timeout_s}
             self.session.record(present.tool_waits(call_id, "waiting for somebody who may allow it", waits))
