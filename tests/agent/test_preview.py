@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from backend.agent import preview
+from backend.agent.phases import Phases
 from backend.agent.robot_link import RobotLink
 from backend.agent.tool_server import ProgressCallback, ServerUnavailable, Tool, ToolResult, ToolServer
 from tests.agent.conftest import Opener
@@ -151,7 +152,7 @@ async def test_a_preview_that_fails_leaves_the_question(
 ) -> None:
     monkeypatch.setattr(preview, "TIMEOUT_S", 0.05)
     tools, link = Answering(answer), Forgetful()
-    async with preview.shown(tools, link, "plan_only", DRIVE, {"place": "dock"}) as view:
+    async with preview.shown(tools, link, Phases(), "plan_only", DRIVE, {"place": "dock"}) as view:
         assert view.meta == meta
         assert link.forgotten == 0
     assert tools.calls == [{"place": "dock", "plan_only": True}]
@@ -160,7 +161,7 @@ async def test_a_preview_that_fails_leaves_the_question(
 
 async def test_what_goes_on_keeps_its_way() -> None:
     link = Forgetful()
-    async with preview.shown(Answering(ToolResult(False, [], {})), link, "plan_only", DRIVE, {}) as view:
+    async with preview.shown(Answering(ToolResult(False, [], {})), link, Phases(), "plan_only", DRIVE, {}) as view:
         view.stays = True
     assert link.forgotten == 0
 
@@ -178,7 +179,7 @@ async def test_what_goes_on_keeps_its_way() -> None:
 )
 async def test_only_a_flag_of_the_robots_own_tools_is_set(argument: str, tool: Tool) -> None:
     tools, link = Answering(ToolResult(False, [], {})), Forgetful()
-    async with preview.shown(tools, link, argument, tool, {}) as view:
+    async with preview.shown(tools, link, Phases(), argument, tool, {}) as view:
         assert view.meta is None
     assert tools.calls == []
     assert link.forgotten == 0
