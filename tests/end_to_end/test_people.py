@@ -72,11 +72,9 @@ async def press(page: Page, button: Locator) -> None:
 
 async def violations(page: Page) -> list[Any]:
     """What axe-core finds on the page as it is, the scene's own page left out."""
-    if not await page.evaluate("'axe' in window"):
-        await page.add_script_tag(path=AXE)
-    found = await page.evaluate(
-        "rules => axe.run({exclude: [['iframe']]}, {runOnly: {type: 'tag', values: rules}})", RULES
-    )
+    await page.evaluate(f"() => {{ if (window.axe === undefined) {{ {AXE.read_text()} }} }}")
+    options = {"runOnly": {"type": "tag", "values": RULES}, "iframes": False, "resultTypes": ["violations"]}
+    found = await page.evaluate("options => axe.run(document, options)", options)
     return [(rule["id"], [node["html"] for node in rule["nodes"]]) for rule in found["violations"]]
 
 
