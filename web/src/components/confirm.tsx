@@ -1,5 +1,6 @@
-/** Asks once before something that matters. The safe answer has the focus. */
+/** Asks once before something that matters. The safe answer has the focus, which goes back to where it was. */
 import { AlertDialog } from "radix-ui";
+import { useRef } from "react";
 
 export function Confirm(props: {
   open: boolean;
@@ -12,11 +13,20 @@ export function Confirm(props: {
   danger?: boolean;
   testId?: string;
 }) {
+  const opener = useRef<Element | null>(null);
   return (
     <AlertDialog.Root open={props.open} onOpenChange={props.onOpenChange}>
       <AlertDialog.Portal>
         <AlertDialog.Overlay className="overlay" />
-        <AlertDialog.Content className="dialog">
+        <AlertDialog.Content
+          className="dialog"
+          onOpenAutoFocus={() => (opener.current = document.activeElement)}
+          onCloseAutoFocus={(event) => {
+            // Only a trigger of the dialog's own would get it back by itself.
+            event.preventDefault();
+            if (opener.current instanceof HTMLElement) opener.current.focus();
+          }}
+        >
           <AlertDialog.Title>{props.title}</AlertDialog.Title>
           <AlertDialog.Description>{props.text}</AlertDialog.Description>
           <div className="dialog-actions">
