@@ -14,6 +14,7 @@ import argparse
 import asyncio
 import fnmatch
 import io
+import itertools
 import os
 import shutil
 import sys
@@ -39,6 +40,8 @@ SIZES = (WIDE, TABLET, PHONE)
 LANGUAGES = {"en": "en-US", "es": "es-ES"}
 COLOURS = ("light", "dark")
 IMAGES = ROOT / "docs" / "images"
+FAR = itertools.cycle(["lab 2.3.9", "lab 2.3.1"])
+"""Places at both ends of the corridor: whichever is next, the robot is not there."""
 LARGEST = 150_000
 """Bytes of a picture in docs/."""
 DOCS = {
@@ -76,19 +79,18 @@ class Dashboard:
 
     def __init__(self, stage: Stage) -> None:
         self._stage = stage
-        self._far = False  # which end of the corridor was driven to last
+        self._talked = False  # whether there is something to see in the conversation of this page
         self._down = False  # whether this ended the robot server
 
     @property
     def screens(self) -> list[Screen]:
-        yes = screens.refused
         return [
             Screen("login", come=self._log_out, go=self._log_in),
             Screen("empty", come=screens.new_session),
             Screen("talking", come=self._talk),
             Screen("menu", come=self._menu, go=self._shut),
             Screen("sessions", come=self._drawer, go=self._shut, sizes=(TABLET,)),
-            Screen("question", come=self._ask, go=yes),
+            Screen("question", come=self._ask, go=screens.refused),
             Screen("driving", come=self._drive),
             Screen("map", come=self._look, go=self._talk_again, sizes=(PHONE,)),
             Screen("stopped", come=self._stop, go=screens.released),
@@ -105,14 +107,17 @@ class Dashboard:
         await screens.online(page)
 
     async def _talk(self, page: Page) -> None:
-        if await page.get_by_test_id("tool-card").count() == 0:
+        if not self._talked:
             await screens.talked(page)
+            self._talked = True
 
     async def _menu(self, page: Page) -> None:
+        await self._talk(page)
         if await page.locator("[role=menu], [role=dialog]").count() == 0:
             await page.locator("header [aria-haspopup]:visible").last.click()
 
     async def _drawer(self, page: Page) -> None:
+        await self._talk(page)
         if await page.get_by_role("dialog").count() == 0:
             await page.locator("header button").first.click()
 
@@ -120,14 +125,15 @@ class Dashboard:
         await page.keyboard.press("Escape")
 
     async def _ask(self, page: Page) -> None:
+        await self._talk(page)
         if await page.get_by_test_id("permission").count() == 0:
             await screens.asked(page)
 
     async def _drive(self, page: Page) -> None:
+        await self._talk(page)
         if await page.get_by_test_id("robot-state").get_attribute("data-state") != "driving":
             await screens.idle(page)
-            self._far = not self._far
-            await screens.driving(page, "lab 2.3.9" if self._far else "lab 2.3.1")
+            await screens.driving(page, next(FAR))
 
     async def _look(self, page: Page) -> None:
         await self._talk_again(page)
@@ -138,11 +144,13 @@ class Dashboard:
         await page.locator("nav").get_by_role("button").first.tap()
 
     async def _stop(self, page: Page) -> None:
+        await self._talk(page)
         if await page.get_by_test_id("stop-band").count() == 0:
             await screens.stopped(page)
             await screens.idle(page)
 
     async def _lose(self, page: Page) -> None:
+        await self._talk(page)
         if not self._down:
             self._stage.end("robot")
             self._down = True
@@ -174,21 +182,21 @@ class Kiosk:
             await page.get_by_test_id("kiosk-start-over").click()
         await expect(page.get_by_test_id("kiosk-suggestion")).to_have_count(6)
 
-    async def _wish(self, page: Page, words: str, doing: str) -> None:
+    async def _wish(self, page: Page, words: Callable[[], str], doing: str) -> None:
         status = page.get_by_test_id("kiosk-status")
         if await status.count() > 0 and await status.get_attribute("data-doing") == doing:
             return
         await self._start_over(page)
-        await page.get_by_test_id("kiosk-field").fill(words)
+        await page.get_by_test_id("kiosk-field").fill(words())
         await page.get_by_test_id("kiosk-send").click()
         await expect(status).to_have_attribute("data-doing", doing)
 
     async def _drive(self, page: Page) -> None:
-        await self._wish(page, "Take me to lab 2.3.9", "driving")
+        await self._wish(page, lambda: f"Take me to {next(FAR)}", "driving")
         await expect(page.locator(".kiosk-detail")).to_be_visible()
 
     async def _wait(self, page: Page) -> None:
-        await self._wish(page, "Say hello", "permission")
+        await self._wish(page, lambda: "Say hello", "permission")
 
     async def _stop(self, page: Page) -> None:
         if await page.get_by_test_id("kiosk-stopped").count() == 0:
@@ -222,8 +230,10 @@ class Camera:
             names = self._names(where, screen, size, language) if size in screen.sizes else {}
             for scheme, name in names.items():
                 await page.emulate_media(color_scheme=scheme, reduced_motion="reduce")
-                await screen.come(page)
-                await drawn(page)
+                for _ in range(2):  # what ended while the map was drawn is begun again
+                    await screen.come(page)
+                    await drawn(page)
+                await page.mouse.move(0, 0)
                 self.made.append(self._folder / f"{name}.png")
                 await page.screenshot(path=self.made[-1])
                 print(self.made[-1], flush=True)
@@ -302,7 +312,7 @@ async def main() -> None:
         folder.mkdir(parents=True, exist_ok=True)
         camera = Camera(folder, patterns)
         data = Path(spare) / "data"
-        with Stage(data, ROBOT_ACP_ROBOT__TIME_SCALE="2", ROBOT_ACP_LOG_LEVEL="error") as stage:
+        with Stage(data, ROBOT_ACP_LOG_LEVEL="error") as stage:
             async with async_playwright() as playwright:
                 chromium = os.environ.get("ROBOT_ACP_TEST_CHROMIUM") or shutil.which("chromium")
                 browser = await playwright.chromium.launch(executable_path=chromium, args=CHROMIUM_FLAGS)
