@@ -25,7 +25,7 @@ from tests.end_to_end.test_papers_session import ask
 from tests.processes import Robot, end, eventually
 
 CORRIDOR = (6.4, 7.6)
-"""m: y of the middle of the simulator's corridor, where there is room to stand."""
+"""m: between which y the robot can stand in the simulator's corridor."""
 
 
 @pytest.fixture(scope="module")
@@ -96,25 +96,22 @@ async def test_the_view_that_follows_moves_with_the_robot_and_the_map_stays(up: 
 
 
 async def point_at_the_corridor(page: Page) -> tuple[float, float]:
-    """Click where the corridor may be until the bar offers a point of it, and return that point."""
-    place, frame = page.get_by_test_id("go-here-place"), page.locator(".scene-map")
-    box = await frame.bounding_box()
-    assert box is not None
-    offered = place.locator("option:checked")
-    steps = (0.5, 0.47, 0.53, 0.44, 0.56, 0.41, 0.59)  # it lies in the middle, along or across
-    for across, down in [(0.65, step) for step in steps] + [(step, 0.65) for step in steps]:
-        before = await offered.inner_text()
-        await page.mouse.click(box["x"] + box["width"] * across, box["y"] + box["height"] * down)
+    """Click into the corridor, which from above lies across the middle, until the bar offers a point of it."""
+    offered = page.get_by_test_id("go-here-place").locator("option:checked")
+    frame = await page.locator(".scene-map").bounding_box()
+    assert frame is not None
 
-        async def answered(before: str = before) -> bool:
-            return await offered.inner_text() != before
+    async def clicked() -> bool:
+        await page.mouse.click(frame["x"] + 0.65 * frame["width"], frame["y"] + 0.5 * frame["height"])
+        with contextlib.suppress(AssertionError):  # a page that draws slowly may not listen for clicks yet
+            await expect(offered).to_contain_text("the point", timeout=3000)
+        return "the point" in await offered.inner_text()
 
-        with contextlib.suppress(AssertionError):  # a click beside the map means nothing
-            await until(answered, "the bar to offer something else", 5)
-        point = re.search(r"the point (-?[\d.]+), (-?[\d.]+)", await offered.inner_text())
-        if point and CORRIDOR[0] <= float(point[2]) <= CORRIDOR[1]:
-            return float(point[1]), float(point[2])
-    raise AssertionError("no click met the corridor")
+    await until(clicked, "the bar to offer a point")
+    point = re.search(r"the point (-?[\d.]+), (-?[\d.]+)", await offered.inner_text())
+    assert point is not None
+    assert CORRIDOR[0] < float(point[2]) < CORRIDOR[1]
+    return float(point[1]), float(point[2])
 
 
 async def test_a_click_on_the_floor_and_a_go_send_the_robot_there_as_an_ordinary_prompt(
