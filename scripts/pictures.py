@@ -64,6 +64,15 @@ async def nothing(_: Page) -> None:
     """A screen that is there by itself, or needs nothing to go away."""
 
 
+async def always(_: Page) -> bool:
+    """A screen that does not end by itself."""
+    return True
+
+
+async def is_driving(page: Page) -> bool:
+    return await page.get_by_test_id("robot-state").get_attribute("data-state") == "driving"
+
+
 @dataclass(frozen=True)
 class Screen:
     """How a screen comes to be (again, where that ended by itself), and how it goes away."""
@@ -72,6 +81,7 @@ class Screen:
     come: Step = nothing
     go: Step = nothing
     sizes: tuple[dict[str, int], ...] = SIZES
+    holds: Callable[[Page], Awaitable[bool]] = always
 
 
 class Dashboard:
@@ -91,8 +101,8 @@ class Dashboard:
             Screen("menu", come=self._menu, go=self._shut),
             Screen("sessions", come=self._drawer, go=self._shut, sizes=(TABLET,)),
             Screen("question", come=self._ask, go=screens.refused),
-            Screen("driving", come=self._drive),
-            Screen("map", come=self._look, go=self._talk_again, sizes=(PHONE,)),
+            Screen("driving", come=self._drive, holds=is_driving),
+            Screen("map", come=self._look, go=self._talk_again, sizes=(PHONE,), holds=is_driving),
             Screen("stopped", come=self._stop, go=screens.released),
             Screen("robot-down", come=self._lose, go=self._find),
         ]
@@ -131,7 +141,7 @@ class Dashboard:
 
     async def _drive(self, page: Page) -> None:
         await self._talk(page)
-        if await page.get_by_test_id("robot-state").get_attribute("data-state") != "driving":
+        if not await is_driving(page):
             await screens.idle(page)
             await screens.driving(page, next(FAR))
 
@@ -230,12 +240,14 @@ class Camera:
             names = self._names(where, screen, size, language) if size in screen.sizes else {}
             for scheme, name in names.items():
                 await page.emulate_media(color_scheme=scheme, reduced_motion="reduce")
-                for _ in range(2):  # what ended while the map was drawn is begun again
+                self.made.append(self._folder / f"{name}.png")
+                holds = False
+                while not holds:  # what ended while the map was drawn is begun again
                     await screen.come(page)
                     await drawn(page)
-                await page.mouse.move(0, 0)
-                self.made.append(self._folder / f"{name}.png")
-                await page.screenshot(path=self.made[-1])
+                    await page.mouse.move(0, 0)
+                    await page.screenshot(path=self.made[-1])
+                    holds = await screen.holds(page)
                 print(self.made[-1], flush=True)
             if names:
                 await screen.go(page)
