@@ -24,6 +24,7 @@ async def event_page(sessions: Sessions, session: Session, params: dict[str, Any
     after, limit = _number(params, "after", 0), min(_number(params, "limit", MOST), MOST)
     await session.flushed()  # else what the same client did just now could be missing
     last = session.shown
+    after = min(after, last)
     events: list[dict[str, Any]] = []
     size = 0
     async for event in sessions.replay(session, after, min(after + limit, last)):

@@ -60,8 +60,10 @@ async def shown(
 
 def can_preview(tool: Tool, argument: str) -> bool:
     """Whether `tool` has the flag `argument`, and is believed to do nothing when it is set."""
-    flag = tool.parameters.get("properties", {}).get(argument) if argument else None
-    return tool.server is None and isinstance(flag, dict) and flag.get("type") == "boolean"
+    if tool.server is not None or not argument:
+        return False
+    flag = (tool.parameters.get("properties") or {}).get(argument)
+    return isinstance(flag, dict) and flag.get("type") == "boolean"
 
 
 async def _computed(tools: ToolServer, tool: Tool, arguments: dict[str, Any]) -> dict[str, Any] | None:

@@ -77,8 +77,11 @@ export function QuestionCard({ question, count }: { question: Question; count: n
     bornAt.current = performance.now();
     const timer = setTimeout(() => setAlive(true), DEAD_MS);
     // Somebody in the middle of a sentence keeps the keyboard: the next letter must not land on a button.
+    const at = document.activeElement;
     const writing =
-      document.activeElement?.id === COMPOSER_ID && useComposerText.getState().text.trim() !== "";
+      at?.id === COMPOSER_ID
+        ? useComposerText.getState().text.trim() !== ""
+        : at?.matches("input, textarea, select") === true;
     if (!writing) document.getElementById(DONT_ID)?.focus();
     return () => clearTimeout(timer);
   }, []);

@@ -25,15 +25,11 @@ export function QuestionSettings() {
     <Popover.Root>
       <Popover.Trigger
         className="icon-button question-settings"
-        aria-label={t("attention.open", { robot })}
+        aria-label={t("attention.open", { robot }) + (count > 0 ? ` (${count})` : "")}
         data-testid="question-settings"
       >
         {silent ? <BellOff aria-hidden /> : <BellRing aria-hidden />}
-        {count > 0 && (
-          <span className="question-settings-count" aria-hidden="true">
-            {count}
-          </span>
-        )}
+        {count > 0 && <span className="question-settings-count" data-count={count} />}
       </Popover.Trigger>
       <Popover.Portal>
         <Popover.Content className="menu popover" align="end" sideOffset={4} collisionPadding={8}>

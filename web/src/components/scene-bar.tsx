@@ -55,6 +55,7 @@ export function SceneBar({ view: shown, onView, onGoHere, goButton, camera, onCa
         type="button"
         className="scene-tool single scene-tool-last"
         data-testid="camera"
+        aria-label={t("camera.title")}
         aria-pressed={camera}
         onClick={() => onCamera(!camera)}
       >

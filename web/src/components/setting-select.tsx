@@ -42,8 +42,7 @@ function SettingSelect(props: { testId: string; label: string; setting: Setting;
         title={disabled && !canConfigure(me.role) ? t("settings.readOnly") : current}
         disabled={disabled}
       >
-        <span className="select-label">{label}</span>{" "}
-        <span className="select-value">{current}</span>
+        <span className="select-label">{label}</span> <span className="select-value">{current}</span>
         <ChevronDown aria-hidden className="select-arrow" />
       </DropdownMenu.Trigger>
       <DropdownMenu.Portal>

@@ -18,6 +18,8 @@ export function useTakeOver(next: string | null): { ask: () => void; dialog: Rea
   const driving = useStore((state) => Boolean(state.telemetry?.motion));
   const [meant, setMeant] = useState<string | null>(null);
   const open = turn !== null && turn.sessionId === meant;
+  // Else it would open by itself when that session has the robot again.
+  if (meant !== null && !open) setMeant(null);
   const told = turn && consequences(turn, driving, me.name, next);
   const words = told && [
     t(`people.${told.ends}`, { name: told.holder }),
