@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from playwright.async_api import Browser, Page, async_playwright, expect
 
-from tests.processes import Robot, end, wait_until
+from tests.processes import Robot, end, listens, wait_until
 
 CHROMIUM_FLAGS = [
     "--no-sandbox",
@@ -55,6 +55,8 @@ def start(robot: Robot, *arguments: str) -> Up:
     assert process.stdout is not None
     threading.Thread(target=lambda: up.printed.extend(process.stdout or ()), daemon=True).start()
     wait_until(lambda: up.login_url, "the address of the dashboard")
+    # On a busy machine a ROS robot may take longer than `up` waits before it says what is missing.
+    wait_until(lambda: listens(robot.robot_port), "the robot server")
     return up
 
 
