@@ -28,6 +28,9 @@ SIZES = """all => all.map((one) => {
 })"""
 
 
+PAINTED = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(done))))"
+
+
 async def accessible(page: Page, state: str, *, stop: bool = True, smallest: int = 0, rules: str = "") -> None:
     """No rule is broken, nothing is wider than the screen, Stop is in sight, and every target is large enough.
 
@@ -65,6 +68,7 @@ async def everywhere(page: Page, state: str, *sizes: dict[str, int], stop: bool 
     """
     for size in sizes or (WIDE, TABLET, PHONE):
         await page.set_viewport_size(size)
+        await page.evaluate(PAINTED)  # the layout has followed
         for scheme, rules in (("light", ""), ("dark", "color-contrast")):
             await page.emulate_media(color_scheme=scheme, reduced_motion="reduce")
             where = f"{state}, {size['width']} px, {scheme}"

@@ -189,8 +189,9 @@ async def test_menus_and_dialogs(stage: Stage, open_plain: Opener) -> None:
     page = await open_dashboard(stage, open_plain)
     await screens.talked(page)
     opens = page.locator("header [aria-haspopup]:visible")
-    for size in (WIDE, TABLET, PHONE):
+    for size, layout in ((WIDE, "wide"), (TABLET, "medium"), (PHONE, "phone")):
         await page.set_viewport_size(size)
+        await expect(page.locator(".app")).to_have_attribute("data-layout", layout)
         await expect(opens.first).to_be_visible()
         for trigger in await opens.all():
             await opened(page, trigger, f"{size['width']} px:")

@@ -68,7 +68,7 @@ export function SceneView({ shown, alone }: { shown: boolean; alone: boolean }) 
           <Scene viewer={VIEWER} />
         </div>
       </div>
-      {camera && (
+      {camera && shown && (
         <CameraView shown={shown} large={large} onLarge={setLarge} onClose={() => openCamera(false)} />
       )}
     </div>
