@@ -17,7 +17,7 @@ from backend.config import Limits
 from backend.mcp_robot import keep_out
 from backend.mcp_robot.grid import OccupancyGrid
 from backend.mcp_robot.refusal import Refusal
-from backend.mcp_robot.robot import Fix, Robot
+from backend.mcp_robot.robot import Fix, Robot, Velocity
 from backend.mcp_robot.safety import where_to_charge
 from backend.telemetry import Battery, Pose, Scan, Twist, Zone
 
@@ -131,17 +131,18 @@ class Guard:
         self._to_dock = to_dock
         self._room = -math.inf  # m of floor that it had at least; a robot that stood too near only may not get nearer
         self._apart = -math.inf  # likewise from the zones
-        self._past: deque[tuple[float, Twist]] = deque()  # times and twists of the looks of the last GAIN_TIME
+        self._past: deque[Velocity] = deque()  # what was measured in the last GAIN_TIME
 
     def look(self) -> None:
         """Ask every rule about this moment. Raises `Refusal`."""
         robot, limits, radius = self._robot, self._limits, self._robot.footprint_radius
-        now, fix, twist = robot.clock(), robot.fix, robot.twist
+        now, fix, velocity = robot.clock(), robot.fix, robot.velocity
+        twist = velocity.twist
         ordinary(fix.pose)
         if twist.linear or twist.angular:
             localised(fix, now, limits)
             within_limits(twist, limits)
-        braking = self._gain(now, twist)
+        braking = self._gain(velocity)
         self._keep_distance(fix.pose, radius)
         if twist.linear and not braking:  # one that brakes already does what it can
             scan = robot.scan()
@@ -150,16 +151,19 @@ class Guard:
         if not self._to_dock:
             battery_lasts(robot.battery, limits, where_to_charge(robot.places))
 
-    def _gain(self, now: float, twist: Twist) -> bool:
-        """Hold the robot to its acceleration; returns whether it brakes hard since the last look."""
-        past, braking = self._past, False
-        if past and now > past[-1][0]:
-            lost = abs(past[-1][1].linear) - abs(twist.linear)
-            braking = lost >= 0.5 * self._limits.braking * (now - past[-1][0])
-        past.append((now, twist))
-        while len(past) > 2 and past[1][0] <= now - GAIN_TIME:
+    def _gain(self, velocity: Velocity) -> bool:
+        """Hold the robot to its acceleration; returns whether it brakes hard since the last look.
+
+        By the times of measurement: news that comes late, and then all at once, is no acceleration.
+        """
+        past, braking, now = self._past, False, velocity.stamp
+        if past and now > past[-1].stamp:
+            lost = abs(past[-1].twist.linear) - abs(velocity.twist.linear)
+            braking = lost >= 0.5 * self._limits.braking * (now - past[-1].stamp)
+        past.append(velocity)
+        while len(past) > 2 and past[1].stamp <= now - GAIN_TIME:
             past.popleft()
-        gains_gently(past[0][1], twist, now - past[0][0], self._limits)
+        gains_gently(past[0].twist, velocity.twist, now - past[0].stamp, self._limits)
         return braking
 
     def _keep_distance(self, pose: Pose, radius: float) -> None:

@@ -103,7 +103,7 @@ class Pilot:
         """Everything that changes all the time, as telemetry."""
         robot = self.robot
         return State(
-            robot.clock(), robot.name, robot.fix.pose, robot.twist,
+            robot.clock(), robot.name, robot.fix.pose, robot.velocity.twist,
             msgspec.structs.replace(robot.battery, floor=self.limits.battery_floor),
             self.motion, self.stopped, self.speaking, self.halted,
         )  # fmt: skip

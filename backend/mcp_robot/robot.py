@@ -40,6 +40,14 @@ NOWHERE = Fix(Pose(0.0, 0.0, 0.0), 0.0, "unknown")
 
 
 @dataclass(frozen=True)
+class Velocity:
+    """How the robot moved when that was measured: `stamp` on the robot's clock (Unix seconds)."""
+
+    twist: Twist
+    stamp: float
+
+
+@dataclass(frozen=True)
 class Route:
     """A way to a goal: points in the map frame from the robot to the goal, its `length` in m and how long it will
     take in s. `final_yaw` says whether the goal's yaw is to be taken up, or any will do."""
@@ -98,8 +106,8 @@ class Robot(Protocol):
         """Where it is; `NOWHERE` until it knows."""
 
     @property
-    def twist(self) -> Twist:
-        """How it moves."""
+    def velocity(self) -> Velocity:
+        """How it moves, as measured last."""
 
     @property
     def battery(self) -> Battery:

@@ -19,7 +19,7 @@ from backend.config import Limits, Simulator
 from backend.mcp_robot import guard
 from backend.mcp_robot.pilot import Pilot
 from backend.mcp_robot.refusal import Refusal
-from backend.mcp_robot.robot import Fix, Route
+from backend.mcp_robot.robot import Fix, Route, Velocity
 from backend.mcp_robot.simulator.battery import Accumulator
 from backend.mcp_robot.simulator.simulated_robot import SimulatedRobot
 from backend.mcp_robot.simulator.world import World
@@ -37,9 +37,18 @@ class Faulty(SimulatedRobot):
         super().__init__(world, limits, time_scale=time_scale)
         self.faulty = False  # set by a test
         self.pilot: Pilot | None = None  # who drives it, set by `driving`
+        self.wrong_clock: Callable[[float], float] = lambda now: now
         self.wrong_fix: Callable[[Fix], Fix] = lambda fix: fix
         self.wrong_scan: Callable[[Scan], Scan] = lambda scan: scan
         self.other_way: list[tuple[float, float]] | None = None
+
+    def clock(self) -> float:
+        now = super().clock()
+        return self.wrong_clock(now) if self.faulty else now
+
+    @property
+    def velocity(self) -> Velocity:
+        return Velocity(self.simulation.twist, super().clock())
 
     @property
     def fix(self) -> Fix:
@@ -63,7 +72,7 @@ async def driving(robot: Faulty, pilot: Pilot, goal: Pose = LAB) -> AsyncIterato
     robot.pilot = pilot
     async with robot.running():
         task: asyncio.Task[object] = asyncio.create_task(pilot.navigate(goal, final_yaw=False))
-        while robot.twist.linear < 0.3 and not task.done():
+        while robot.velocity.twist.linear < 0.3 and not task.done():
             await asyncio.sleep(0)
         yield task
 
@@ -72,7 +81,7 @@ async def refusal_of(task: asyncio.Task[object], robot: Faulty) -> str:
     """The code that the motion ends with; the robot is at rest by then, and telemetry tells why."""
     with pytest.raises(Refusal) as refused:
         await task
-    assert robot.twist == Twist(0.0, 0.0)
+    assert robot.velocity.twist == Twist(0.0, 0.0)
     assert robot.remaining is None
     halted = robot.pilot and robot.pilot.state().halted
     assert halted is not None
@@ -116,7 +125,17 @@ async def test_a_robot_that_keeps_other_limits_than_it_should(
     async with driving(robot, Pilot(robot, StopLatch(tmp_path), allowed), Pose(0.9, 4.5, 0.0)) as task:
         with pytest.raises(Refusal, match=rf"^too_fast: .*{words}"):
             await task
-        assert robot.twist == Twist(0.0, 0.0)
+        assert robot.velocity.twist == Twist(0.0, 0.0)
+
+
+async def test_a_speed_that_is_heard_late_is_no_acceleration(office: World, tmp_path: Path) -> None:
+    robot = Faulty(office, Limits())
+    pilot = Pilot(robot, StopLatch(tmp_path), Limits())
+    began = robot.clock()
+    robot.wrong_clock = lambda now: began if robot.velocity.twist.linear < 0.5 else now
+    robot.faulty = True
+    async with driving(robot, pilot, Pose(2.9, 3.1, 0.0)) as task:
+        await task
 
 
 async def test_a_robot_that_takes_another_way_than_it_said_through_a_keep_out_zone(

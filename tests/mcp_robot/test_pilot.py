@@ -100,7 +100,7 @@ async def test_a_stop_in_the_tick_in_which_a_motion_begins_counts(
         asyncio.get_running_loop().call_soon(press)
         with pytest.raises(Refusal, match=r"^stopped: "):
             await task
-        assert robot.twist.angular == 0
+        assert robot.velocity.twist.angular == 0
         assert robot.fix.pose.yaw == pytest.approx(office.start.yaw, abs=0.05)
 
 

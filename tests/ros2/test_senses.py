@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from backend.mcp_robot.robot import Velocity
 from backend.telemetry import Pose
 from tests.processes import eventually
 from tests.ros2.conftest import node
@@ -19,7 +20,7 @@ class Spoken:
     """Senses, and a voice for the topics that they listen to."""
 
     def __init__(self, link: Any) -> None:
-        from nav_msgs.msg import OccupancyGrid
+        from nav_msgs.msg import OccupancyGrid, Odometry
         from sensor_msgs.msg import BatteryState, LaserScan
 
         from backend.config import Ros2
@@ -30,6 +31,7 @@ class Spoken:
         self.laser_is_at = lambda pose: self.senses.frames.put("laser", Link("base_link", pose, time.time(), 0.0))
         self.scans = link.node.create_publisher(LaserScan, "scan", 1)
         self.batteries = link.node.create_publisher(BatteryState, "battery_state", 1)
+        self.odometry = link.node.create_publisher(Odometry, "odom", 1)
         self.maps = link.node.create_publisher(OccupancyGrid, "map", LATCHED)
 
     async def say_scan(self, *, ahead: float = 0.0, ranges: tuple[float, ...] = (1.0, 2.0)) -> None:
@@ -44,6 +46,20 @@ class Spoken:
         await eventually(self.scans.get_subscription_count, "somebody who listens to scans")
         self.scans.publish(message)
         await eventually(lambda: self.senses.arrivals.get("scan") != before, "the scan")
+
+    async def say_odometry(self, stamp: float) -> Velocity:
+        """Tell a speed that was measured at `stamp` (Unix seconds); returns how it was understood."""
+        from nav_msgs.msg import Odometry
+
+        from backend.mcp_robot.ros2 import convert
+
+        message = Odometry()
+        convert.set_seconds(message.header.stamp, stamp)
+        before = self.senses.velocity
+        await eventually(self.odometry.get_subscription_count, "somebody who listens to odometry")
+        self.odometry.publish(message)
+        await eventually(lambda: self.senses.velocity is not before, "the odometry")
+        return self.senses.velocity
 
 
 @pytest.fixture
@@ -75,6 +91,15 @@ async def test_a_laser_that_is_nobody_knows_where_has_no_readings_until_somebody
     assert spoken.senses.scan().ranges == []
     spoken.laser_is_at(Pose(0.2, 0.0, 0.0))
     assert spoken.senses.scan().ranges
+
+
+async def test_a_speed_is_as_old_as_its_stamp_and_without_one_as_its_message(spoken: Spoken) -> None:
+    now = time.time()
+    assert (await spoken.say_odometry(now - 5)).stamp == pytest.approx(now - 5, abs=1e-3)
+    assert (await spoken.say_odometry(now - 4)).stamp == pytest.approx(now - 4, abs=1e-3)
+    heard = await spoken.say_odometry(0.0)
+    assert now < heard.stamp <= time.time()
+    assert heard.stamp < (await spoken.say_odometry(0.0)).stamp <= time.time()
 
 
 async def test_a_battery_in_percent_stays_one_at_its_end(spoken: Spoken) -> None:

@@ -154,7 +154,7 @@ class Topics:
         return message
 
     def _publish_odometry(self, pose: Pose) -> None:
-        message, twist = Odometry(child_frame_id=self._settings.base_frame), self._robot.twist
+        message, twist = Odometry(child_frame_id=self._settings.base_frame), self._robot.velocity.twist
         self._stamp(message.header, "odom")
         convert.set_pose(message.pose.pose, pose)
         message.twist.twist.linear.x, message.twist.twist.angular.z = twist.linear, twist.angular

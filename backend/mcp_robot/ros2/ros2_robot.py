@@ -23,7 +23,7 @@ from backend.config import Limits, Ros2
 from backend.mcp_robot import follower, planner, speech
 from backend.mcp_robot.grid import FREE, Floats, OccupancyGrid
 from backend.mcp_robot.refusal import Halted, Refusal
-from backend.mcp_robot.robot import Fix, Picture, Remaining, Route, Sound, TopologicalMap
+from backend.mcp_robot.robot import Fix, Picture, Remaining, Route, Sound, TopologicalMap, Velocity
 from backend.mcp_robot.ros2 import convert, failures
 from backend.mcp_robot.ros2.brake import Brake
 from backend.mcp_robot.ros2.camera import Camera
@@ -82,7 +82,7 @@ class Ros2Robot:
     def _join(self) -> None:
         node, s = self._link.node, self._settings
         self._senses = Senses(node, s, self._limits.pose_timeout, self._zones)
-        self._brake = Brake(self._link, s, self._senses.clock, lambda: self._senses.twist != Twist(0.0, 0.0))
+        self._brake = Brake(self._link, s, self._senses.clock, lambda: self._senses.velocity.twist != Twist(0.0, 0.0))
         self._camera = Camera(self._link, s, self._senses)
         self._navigate = ActionClient(node, NavigateToPose, s.navigate)
         self._spin = ActionClient(node, Spin, s.spin)
@@ -136,9 +136,9 @@ class Ros2Robot:
         return self._senses.fix
 
     @property
-    def twist(self) -> Twist:
+    def velocity(self) -> Velocity:
         """How it moves, as odometry says."""
-        return self._senses.twist
+        return self._senses.velocity
 
     @property
     def battery(self) -> Battery:
@@ -300,7 +300,7 @@ class Ros2Robot:
 
         def stands() -> bool:
             odometry = self._senses.odometry
-            return odometry is not None and odometry.arrived > began and self.twist == Twist(0.0, 0.0)
+            return odometry is not None and odometry.arrived > began and self.velocity.twist == Twist(0.0, 0.0)
 
         if not await until(stands, REST_LIMIT):
             logger.warning("The robot's odometry does not say that it stands.")

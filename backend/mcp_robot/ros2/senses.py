@@ -26,7 +26,7 @@ from tf2_msgs.msg import TFMessage
 from backend.config import Ros2
 from backend.mcp_robot import keep_out
 from backend.mcp_robot.grid import Floats, OccupancyGrid
-from backend.mcp_robot.robot import NOWHERE, Fix
+from backend.mcp_robot.robot import NOWHERE, Fix, Velocity
 from backend.mcp_robot.ros2 import convert
 from backend.mcp_robot.ros2.frames import Frames, Link, compose, inverse
 from backend.telemetry import Battery, Pose, Scan, Twist, Zone
@@ -61,7 +61,7 @@ class Senses:
         self._zones = zones
         self.grid: OccupancyGrid | None = None  # replaced whenever a map comes
         self.battery: Battery | None = None
-        self.twist = Twist(0.0, 0.0)
+        self.velocity = Velocity(Twist(0.0, 0.0), -math.inf)
         self.odometer = 0.0  # m, summed up from odometry
         self.odometry: Heard | None = None  # in the odometry's own frame
         self.frames = Frames()
@@ -198,8 +198,10 @@ class Senses:
         if before:
             way = math.hypot(pose.x - before.pose.x, pose.y - before.pose.y)
             self.odometer += way if way < LONGEST_STEP else 0.0
-        self.odometry = Heard(pose, convert.seconds(message.header.stamp), time.monotonic())
-        self.twist = twist
+        stamp = convert.seconds(message.header.stamp)
+        self.odometry = Heard(pose, stamp, time.monotonic())
+        # A driver that does not date its messages, or whose clock was set back, measures when it is heard.
+        self.velocity = Velocity(twist, stamp if stamp > self.velocity.stamp else self.clock())
         self._remember()
 
     def _on_grid(self, message: Any) -> None:

@@ -21,12 +21,12 @@ from backend.config import Limits, Simulator
 from backend.mcp_robot import follower, planner, speech
 from backend.mcp_robot.grid import Floats, OccupancyGrid
 from backend.mcp_robot.refusal import Halted, Refusal
-from backend.mcp_robot.robot import Fix, Picture, Remaining, Route, Sound, TopologicalMap
+from backend.mcp_robot.robot import Fix, Picture, Remaining, Route, Sound, TopologicalMap, Velocity
 from backend.mcp_robot.simulator import camera, laser
 from backend.mcp_robot.simulator.motions import Drive, Turn, Utterance
 from backend.mcp_robot.simulator.simulation import FOOTPRINT_RADIUS, STEP, Simulation
 from backend.mcp_robot.simulator.world import World
-from backend.telemetry import Battery, Pose, Scan, Twist
+from backend.telemetry import Battery, Pose, Scan
 
 TICK = 0.02
 """Wall seconds between rounds of steps."""
@@ -154,9 +154,9 @@ class SimulatedRobot:
         return Fix(self.simulation.believed, self.clock(), "simulator")
 
     @property
-    def twist(self) -> Twist:
+    def velocity(self) -> Velocity:
         """How it moves."""
-        return self.simulation.twist
+        return Velocity(self.simulation.twist, self.clock())
 
     @property
     def battery(self) -> Battery:
