@@ -117,6 +117,11 @@ class Robot:
                 reader.cancel()
                 await asyncio.gather(reader, return_exceptions=True)
 
+    async def stands(self) -> bool:
+        """Whether it stands and has nothing to do: telemetry that begins only now cannot be late."""
+        async with self.watched() as now:
+            return now.state.motion is None and now.state.twist == telemetry.Twist(0.0, 0.0)
+
 
 @dataclass
 class Watched:

@@ -42,8 +42,7 @@ async def run_the_papers_session(client: SdkClient, robot: Robot, name: str) -> 
         await eventually(lambda: progress(client, heard), "the robot to tell how far it has come")
         await client.cancel()
         assert await turn == "cancelled"
-        assert watched.speed == 0
-        assert watched.state.motion is None
+        assert await robot.stands()
         assert watched.distance_to(start.x, start.y) > 1
 
         # P3: two messages; the first is refused, the second allowed.

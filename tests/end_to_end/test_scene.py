@@ -45,15 +45,18 @@ async def look(page: Page, name: str) -> None:
     await expect(view(page, name)).to_have_attribute("aria-pressed", "true")
 
 
-async def drawn(page: Page) -> None:
-    """Until the map is there and its camera stands where the page says."""
-    await expect(view(page, "map")).to_have_attribute("aria-pressed", "true")
+async def drawn(page: Page, seen: str = "map") -> None:
+    """Until all of the map is there and its camera stands where the page says; the robot must be at rest."""
+    await expect(view(page, seen)).to_have_attribute("aria-pressed", "true")
     canvas = page.frame_locator("iframe").locator("canvas").first
+    before = Image.new("RGB", (1, 1))
 
-    async def colourful() -> bool:
-        return len((await picture(canvas)).getcolors(maxcolors=2**24) or []) > 200
+    async def settled() -> bool:
+        nonlocal before
+        last, before = before, await picture(canvas)
+        return len(before.getcolors(maxcolors=2**24) or []) > 200 and changed(last, before) < 0.001
 
-    await until(colourful, "the map to be drawn")
+    await until(settled, "the map to be drawn")
 
 
 async def picture(shown: Locator) -> Image.Image:
@@ -80,18 +83,24 @@ async def test_the_view_that_follows_moves_with_the_robot_and_the_map_stays(up: 
     canvas = page.frame_locator("iframe").locator("canvas").first
     async with up.robot.watched() as watched:
 
-        async def drive(place: str) -> float:
-            """How much of the picture another place of the robot changes."""
+        async def drive(place: str) -> Image.Image:
+            """Until the robot is elsewhere; returns the picture before."""
             before, (x, y) = await picture(canvas), (watched.state.pose.x, watched.state.pose.y)
             await ask(page, f"go to {place}")
             await watched.until(lambda: watched.distance_to(x, y) > 4, "the robot to be elsewhere")
-            return changed(before, await picture(canvas))
+            return before
 
-        still = await drive("lab 2.3.7")
-        await expect(page.get_by_test_id("agent-message").last).to_contain_text("I am at lab 2.3.7")
+        before = await drive("lab 2.3.7")
+        assert changed(before, await picture(canvas)) < 0.1
+        await expect(page.get_by_test_id("agent-message").last).to_contain_text("I am at lab 2.3.7", timeout=90_000)
         await look(page, "follow")
-        moving = await drive("lab 2.3.9")
-        assert still < 0.1 < 0.3 < moving
+        await drawn(page, "follow")
+        before = await drive("lab 2.3.9")
+
+        async def moved() -> bool:
+            return changed(before, await picture(canvas)) > 0.3
+
+        await until(moved, "the map to move")
         await expect(view(page, "follow")).to_have_attribute("aria-pressed", "true")
 
 
