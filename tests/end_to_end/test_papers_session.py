@@ -8,7 +8,6 @@ same session over TCP all the while.
 from __future__ import annotations
 
 import signal
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -20,7 +19,8 @@ from tests.end_to_end.terminal import Terminal
 from tests.processes import Client, Robot, Watched, end, eventually
 from tests.ros2_robots import needs_ros2, share_interfaces
 
-HALT_S = 0.3
+HALTED_WITHIN = 2.0
+"""m: it would have driven three times as far."""
 ROS2 = ("--robot", "ros2", "--ros2-demo")
 
 
@@ -61,16 +61,12 @@ async def place_of(client: Client, name: str) -> tuple[float, float]:
     return where["x"], where["y"]
 
 
-async def cancel_and_time(page: Page, watched: Watched) -> float:
-    """Click Cancel, and return the seconds of wall time until the robot itself says that it stands."""
-    clicked_at = await page.get_by_test_id("cancel").evaluate(
-        "button => { const t = Date.now(); button.click(); return t }"
-    )
-    await watched.until(lambda: watched.speed == 0, "the robot to halt", 5)
-    # Both clocks are this machine's; the states carry the time of their arrival.
-    offset = time.time() - time.monotonic()
-    halted_at = next(at for at, state in watched.states if at + offset > clicked_at / 1000 and state.twist.linear == 0)
-    return halted_at + offset - clicked_at / 1000
+async def cancelled(page: Page, watched: Watched) -> float:
+    """Click Cancel, and return the metres that the robot still drives. bench/people.py measures the time."""
+    x, y = watched.state.pose.x, watched.state.pose.y
+    await page.get_by_test_id("cancel").click()
+    await watched.until(lambda: watched.speed == 0, "the robot to halt")
+    return watched.distance_to(x, y)
 
 
 async def test_the_papers_session(up: Up, open_page: Opener, pictures: Path) -> None:
@@ -113,8 +109,7 @@ async def test_the_papers_session(up: Up, open_page: Opener, pictures: Path) -> 
         await ask(page, "Go back to where you started")
         await watched.until(lambda: watched.speed > 0.5, "the robot to drive back")
         await watched.until(lambda: watched.distance_to(*lab) > 4, "the robot to be on its way")
-        took = await cancel_and_time(page, watched)
-        assert took < HALT_S
+        assert await cancelled(page, watched) < HALTED_WITHIN
         await finished(terminal, 2)
         assert terminal.turn_ends()[-1] == "cancelled"
         assert watched.distance_to(*lab) > 3
