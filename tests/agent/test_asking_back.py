@@ -75,7 +75,7 @@ async def test_a_prompt_that_is_taken_back_is_cancelled_and_answered(robot: Robo
         await watched.until(lambda: watched.speed > 0.3, "the robot to drive")
         await client.link.notify("$/cancel_request", {"requestId": 3})  # initialize, session/new, session/prompt
         assert await turn == "cancelled"
-        await watched.until(lambda: watched.speed == 0, "the robot at rest", 1)
+        assert await robot.stands()
 
 
 async def test_any_other_request_that_is_taken_back_is_answered_once(robot: Robot) -> None:

@@ -59,7 +59,7 @@ async def test_killing_the_agent_in_mid_turn_loses_nothing_that_was_seen(tmp_pat
                 end(agent, signal.SIGKILL)
                 await asyncio.gather(turn, return_exceptions=True)
                 assert isinstance(turn.exception(), LinkError)
-                await watched.until(lambda: watched.speed == 0, "the robot at rest", 5)
+                await watched.until(lambda: watched.speed == 0, "the robot at rest")
         with robot.running("agent", port=robot.agent_port):
             again = await Client.open(address)
             [listed] = (await again.link.request("session/list", {}))["sessions"]

@@ -202,7 +202,7 @@ async def test_the_stop_command_waits_for_no_turn_that_runs(robot: Robot, connec
         turn = await driving(client)
         await watched.until(lambda: watched.speed > 0.3, "the robot to drive")
         stop = client.later(client.prompt("/stop"))
-        await watched.until(lambda: watched.speed == 0 and watched.state.stop is not None, "the stop", 2)
+        await watched.until(lambda: watched.speed == 0 and watched.state.stop is not None, "the stop")
         assert await turn == "end_turn"
         assert await stop == "end_turn"
         await client.link.request("_robot/release", {})
@@ -231,7 +231,7 @@ async def test_anyone_who_sees_a_session_may_stop_in_it(robot: Robot, connect: O
         turn = await driving(client)
         await watched.until(lambda: watched.speed > 0.3, "the robot to drive")
         stop = viewer.later(viewer.prompt("/stop"))
-        await watched.until(lambda: watched.speed == 0 and watched.state.stop is not None, "the stop", 2)
+        await watched.until(lambda: watched.speed == 0 and watched.state.stop is not None, "the stop")
         assert (await turn, await stop) == ("end_turn", "end_turn")
         assert watched.state.stop is not None
         assert watched.state.stop.by == "Vic"

@@ -57,7 +57,7 @@ async def test_session_cancel(robot: Robot, client: RecordedClient) -> None:
         await watched.until(lambda: watched.state.twist.angular, "the robot to turn")
         await client.notify("session/cancel", {"sessionId": client.session})
         assert await turn == "cancelled"
-        await watched.until(lambda: not watched.state.twist.angular, "the robot at rest", 0.3)
+        assert await robot.stands()
     assert client.updates("tool_call_update")[-1]["status"] == "failed"
 
 
