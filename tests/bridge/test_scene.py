@@ -16,6 +16,7 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 
 from backend import tokens
+from backend.bridge.door import Door
 from backend.bridge.login import Gate
 from backend.bridge.origin import OriginPolicy
 from backend.bridge.scene.proxy import SceneSocket
@@ -86,7 +87,7 @@ async def scene(robot: TelemetryPeer, wait_until) -> AsyncIterator[Scene]:
 async def viewer(scene, wait_until, tmp_path) -> AsyncIterator[Callable[[Role], connect]]:
     """Opens a viewer of that scene for somebody of a role."""
     gate = Gate(tokens.Registry(tmp_path), OriginPolicy("127.0.0.1"))
-    app = Starlette(routes=[WebSocketRoute("/scene", SceneSocket(gate, scene))])
+    app = Starlette(routes=[WebSocketRoute("/scene", Door(gate, 9, 9).to(SceneSocket(gate, scene).serve))])
     server = uvicorn.Server(uvicorn.Config(app, port=0, ws="websockets-sansio", log_config=None))
     serving = asyncio.create_task(server.serve())
     await wait_until(lambda: server.started)
