@@ -41,6 +41,13 @@ class Stage:
     def __init__(self, robot_name: str, trail: Trail | None = None) -> None:
         with _silent():
             self._server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        try:
+            self._set_up(robot_name, trail)
+        except BaseException:
+            self.close()
+            raise
+
+    def _set_up(self, robot_name: str, trail: Trail | None) -> None:
         self._name = robot_name
         self._online = False
         self._grid: telemetry.Map | None = None
