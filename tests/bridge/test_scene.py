@@ -276,6 +276,22 @@ async def test_viser_begins_anew_before_its_numbers_slow_anybody_down(
         assert await told(page, "SetCameraPositionMessage")
 
 
+async def test_viser_is_drawn_to_from_one_thread_and_wakes_its_pages_in_its_own(wait_until):
+    """asyncio's debug mode refuses what else fails now and then, in the midst of a drawing, where many pages wait."""
+    stage = Stage("Sancho")
+    try:
+        url = f"ws://127.0.0.1:{stage.port}/"
+        async with connect(url, subprotocols=[SUBPROTOCOL], max_size=None, proxy=None) as page:
+            await told(page, "ReplayDoneMessage")
+            waiters = stage._server._websock_server._broadcast_buffer.message_event._waiters
+            await wait_until(lambda: waiters)
+            stage._server._websock_server._background_event_loop.set_debug(True)
+            stage.show(state(pose=Pose(7.0, 2.0, 0.0)))
+            assert (await told(page, "SetPositionMessage"))["position"] == [7.0, 2.0, 0.0]
+    finally:
+        stage.close()
+
+
 @pytest.fixture
 def servers(monkeypatch) -> list[viser.ViserServer]:
     """Every viser server that is started from here on."""

@@ -14,7 +14,7 @@ import rich
 import viser
 
 from backend import telemetry
-from backend.bridge.scene import robot, shapes
+from backend.bridge.scene import robot, shapes, wakeup
 from backend.bridge.scene.building import OUTSIDE, Building
 from backend.bridge.scene.camera import FIELD_OF_VIEW, TYPICAL_ASPECT, fitting
 from backend.bridge.scene.nodes import Colour, Nodes
@@ -42,6 +42,7 @@ class Stage:
         with _silent():
             self._server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         try:
+            wakeup.in_its_own_thread(self._server)
             self._set_up(robot_name, trail)
         except BaseException:
             self.close()
