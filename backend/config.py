@@ -162,7 +162,7 @@ class Bridge(_Section):
     robot_url: str | None = Field(None, description="base URL of the robot server; default: the [robot] address")
     allowed_origins: list[str] = Field([], description="further origins; the bridge's own is always allowed")
     max_frame_bytes: int = Field(16 * 1024 * 1024, gt=1024)
-    max_connections: int = Field(512, gt=0)
+    max_connections: int = Field(512, gt=0, description="pages at once")
 
 
 class Settings(BaseSettings):

@@ -1,10 +1,10 @@
-"""Many viewers in one process: scenes that read viser's frames, or dashboards that watch a session. For viewers.py.
+"""Many dashboards in one process: each watches a session and opens what the page opens beside it. For viewers.py.
 
-    python bench/crowd.py scenes|dashboards COUNT ws://HOST:PORT SESSION
+    python bench/crowd.py ws://HOST:PORT SESSION SCENES
 
-The login token comes in the environment. It says "ready" when all are connected, runs until its input ends, and prints
-what came as a line of JSON. It is nice to the rest of the machine: what is measured is what it costs others, and
-in life viewers sit at computers of their own.
+A login token for each comes as the first line of its input; the first SCENES of them show the scene. It says "ready"
+when all are connected, runs until its input ends, and prints what came as a line of JSON. It is nice to the rest of the
+machine: what is measured is what it costs others, and in life viewers sit at computers of their own.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ import json
 import os
 import sys
 import time
-from dataclasses import asdict, dataclass
+import uuid
+from dataclasses import asdict, dataclass, field
 
 import msgspec
 import orjson
@@ -24,7 +25,10 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 from websockets.typing import Subprotocol
 
+from backend.descriptors import raise_limit
+
 NICENESS = 15
+PATIENCE_S = 60.0
 TELEMETRY_HZ = 2.0
 CAMERA = {
     "type": "ViewerCameraMessage",
@@ -43,38 +47,61 @@ CAMERA = {
 
 @dataclass
 class Came:
-    """What all viewers of this process got."""
+    """What all dashboards of this process got."""
 
-    viewers: int
+    sockets: dict[str, int] = field(default_factory=dict)
     seconds: float = 0.0
-    frames: int = 0
-    bytes: int = 0
+    frames: dict[str, int] = field(default_factory=dict)
+    bytes: dict[str, int] = field(default_factory=dict)
     telemetry: int = 0
     lost: int = 0
     cpu: float = 0.0
     """Seconds of CPU time of this process."""
 
-    def frame(self, frame: str | bytes) -> None:
+    def frame(self, kind: str, frame: str | bytes) -> None:
         """Count one."""
-        self.frames += 1
-        self.bytes += len(frame)
+        self.frames[kind] += 1
+        self.bytes[kind] += len(frame)
         if isinstance(frame, str) and '"_robot/telemetry"' in frame[:80]:
             self.telemetry += 1
 
+    def begin(self) -> None:
+        """Count from now on."""
+        self.frames = dict.fromkeys(self.sockets, 0)
+        self.bytes = dict.fromkeys(self.sockets, 0)
+        self.telemetry = 0
 
-async def scene(url: str, headers: dict[str, str]) -> ClientConnection:
-    """A page of viser, as the bridge sees it."""
-    protocol = Subprotocol(f"viser-v{viser.__version__}")
-    page = await connect(
-        f"{url}/scene", additional_headers=headers, subprotocols=[protocol], compression=None, max_size=None, proxy=None
+
+async def opened(url: str, token: str, *subprotocols: str) -> ClientConnection:
+    """One socket of a page."""
+    return await connect(
+        url,
+        additional_headers={"Authorization": f"Bearer {token}"},
+        subprotocols=[Subprotocol(name) for name in subprotocols] or None,
+        compression=None,
+        max_size=None,
+        proxy=None,
+        open_timeout=PATIENCE_S,
     )
-    await page.send(msgspec.msgpack.encode(CAMERA))
+
+
+async def dashboard(url: str, token: str, session: str, *, scene: bool) -> dict[str, ClientConnection]:
+    """The sockets of one dashboard, by kind."""
+    viewer = uuid.uuid4()
+    page = {
+        "acp": await acp(url, token, session),
+        "control": await opened(f"{url}/scene/{viewer}/control", token),
+        "camera": await opened(f"{url}/camera", token),
+    }
+    if scene:
+        page["scene"] = await opened(f"{url}/scene/{viewer}", token, f"viser-v{viser.__version__}")
+        await page["scene"].send(msgspec.msgpack.encode(CAMERA))
     return page
 
 
-async def dashboard(url: str, headers: dict[str, str], session: str) -> ClientConnection:
-    """A dashboard that shows the session and wants telemetry."""
-    page = await connect(f"{url}/acp", additional_headers=headers, compression=None, max_size=None, proxy=None)
+async def acp(url: str, token: str, session: str) -> ClientConnection:
+    """A client that shows the session and wants telemetry."""
+    page = await opened(f"{url}/acp", token)
     asks = {"robot-acp/telemetry": {"rate": TELEMETRY_HZ}}
     hello = {"protocolVersion": 1, "clientCapabilities": {"_meta": asks}}
     load = {"sessionId": session, "cwd": "/", "mcpServers": []}
@@ -86,27 +113,30 @@ async def dashboard(url: str, headers: dict[str, str], session: str) -> ClientCo
     return page
 
 
-async def read(page: ClientConnection, came: Came) -> None:
+async def read(kind: str, page: ClientConnection, came: Came) -> None:
     """Count until the connection ends, which it does by our leave alone."""
     try:
         async for frame in page:
-            came.frame(frame)
+            came.frame(kind, frame)
     except ConnectionClosed:
         came.lost += 1
 
 
-async def main(kind: str, count: int, url: str, session: str) -> None:
+async def main(url: str, session: str, scenes: int) -> None:
     """Connect all, one after another, and read until the input ends."""
-    headers = {"Authorization": f"Bearer {os.environ['ROBOT_ACP_TOKEN']}"}
-    came = Came(count)
+    came = Came()
+    came.begin()
     readers: list[asyncio.Task[None]] = []
-    for _ in range(count):
-        page = await (scene(url, headers) if kind == "scenes" else dashboard(url, headers, session))
-        readers.append(asyncio.create_task(read(page, came)))
+    for number, token in enumerate(sys.stdin.readline().split()):
+        for kind, page in (await dashboard(url, token, session, scene=number < scenes)).items():
+            came.sockets[kind] = came.sockets.get(kind, 0) + 1
+            came.frames.setdefault(kind, 0)
+            came.bytes.setdefault(kind, 0)
+            readers.append(asyncio.create_task(read(kind, page, came)))
     loop = asyncio.get_running_loop()
     print("ready", flush=True)
     await loop.run_in_executor(None, sys.stdin.readline)  # "count": from now on
-    came.frames = came.bytes = came.telemetry = 0
+    came.begin()
     begun, mine = time.monotonic(), Process(os.getpid())
     cpu = mine.cpu
     await loop.run_in_executor(None, sys.stdin.readline)
@@ -119,4 +149,5 @@ async def main(kind: str, count: int, url: str, session: str) -> None:
 
 if __name__ == "__main__":
     os.nice(NICENESS)
-    asyncio.run(main(sys.argv[1], int(sys.argv[2]), sys.argv[3], sys.argv[4]))
+    raise_limit(0)
+    asyncio.run(main(sys.argv[1], sys.argv[2], int(sys.argv[3])))

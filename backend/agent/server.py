@@ -29,6 +29,7 @@ from backend.agent.store import Store
 from backend.agent.tool_server import ToolServer
 from backend.agent.turn import Workbench
 from backend.config import ConfigError, Settings
+from backend.descriptors import raise_limit
 from backend.sockets import notice_loss
 from backend.tokens import Registry
 
@@ -37,6 +38,8 @@ log = logging.getLogger(__name__)
 _STREAM_LIMIT = wire.MAX_FRAME_BYTES + 1
 _SILENCE_S, _PROBE_S = 15, 5
 """A client whose machine is gone must not count as somebody who is there."""
+_DESCRIPTORS_KEPT = 128
+"""For everything but the bridge's clients: clients of other kinds, the database, MCP servers, telemetry."""
 _ROBOT_ABSENT = "The robot server does not answer. Start it with `robot-acp robot`, then try again."
 
 
@@ -51,6 +54,7 @@ async def serve(settings: Settings, *, stdio: bool = False) -> None:
 
 async def _serve_tcp(house: House) -> None:
     where = house.settings.agent
+    raise_limit(house.settings.bridge.max_connections + _DESCRIPTORS_KEPT)
     clients: set[asyncio.Task[None]] = set()
 
     async def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

@@ -1,4 +1,4 @@
-"""`WS /acp`: who may connect, to which agent, and what the client is told at the end."""
+"""`WS /acp`: which agent a client gets, and what it is told at the end."""
 
 from __future__ import annotations
 
@@ -6,12 +6,11 @@ import logging
 import time
 import uuid
 
-from starlette.types import Receive, Scope, Send
 from starlette.websockets import WebSocket
 
 from backend.bridge.closing import LEFT, SERVICE_RESTART, TRY_AGAIN_LATER, End, close
 from backend.bridge.direct import DirectWebSocket
-from backend.bridge.login import Gate, Login, admit_websocket
+from backend.bridge.login import Gate, Login
 from backend.bridge.race import first_of
 from backend.bridge.relay import Relay
 from backend.bridge.upstream import Agent, AgentDownError
@@ -22,43 +21,31 @@ log = logging.getLogger(__name__)
 
 
 class AcpSocket:
-    """The ASGI endpoint. It keeps count of its connections and nothing else."""
+    """Serves clients, each with an agent's connection of its own."""
 
-    def __init__(self, gate: Gate, agent: Agent, *, max_frame_bytes: int, max_connections: int) -> None:
+    def __init__(self, gate: Gate, agent: Agent, *, max_frame_bytes: int) -> None:
         self._gate = gate
         self._agent = agent
         self._limit = max_frame_bytes
-        self._max_connections = max_connections
-        self._open = 0
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Admit one client, then relay until either side is gone."""
-        websocket = WebSocket(scope, receive, send)
-        login = await admit_websocket(self._gate, websocket)
-        if login is None:
-            return
+    async def serve(self, websocket: WebSocket, login: Login) -> None:
+        """Relay for one client until either side is gone, and close."""
         connection_id = uuid.uuid4().hex
         await websocket.accept(
-            subprotocol=SUBPROTOCOL if SUBPROTOCOL in scope["subprotocols"] else None,
+            subprotocol=SUBPROTOCOL if SUBPROTOCOL in websocket.scope["subprotocols"] else None,
             headers=[(b"acp-connection-id", connection_id.encode())],
         )
         who = login.identity
         log.info("acp %s connected: %s (%s)", connection_id, who.name, who.role.value)
         started = time.monotonic()
         end = End(SERVICE_RESTART, "interrupted")
-        self._open += 1
         try:
-            end = await self._serve(websocket, login, connection_id)
+            end = await self._relay(websocket, login, connection_id)
         finally:
-            self._open -= 1
             seconds = time.monotonic() - started
             log.info("acp %s gone: %s after %.0f s: %s", connection_id, who.name, seconds, end.reason)
 
-    async def _serve(self, websocket: WebSocket, login: Login, connection_id: str) -> End:
-        if self._open > self._max_connections:
-            end = End(TRY_AGAIN_LATER, "Too many people are connected. Try again later.")
-            await close(websocket, end)
-            return end
+    async def _relay(self, websocket: WebSocket, login: Login, connection_id: str) -> End:
         relay = Relay(DirectWebSocket.of(websocket.scope), login.token, connection_id, self._limit)
         try:
             agent = await self._agent.connect(relay, self._limit)

@@ -14,8 +14,9 @@ from starlette.exceptions import HTTPException
 from starlette.routing import BaseRoute, Route, WebSocketRoute
 
 from backend import identity, tokens
-from backend.bridge import api, login
+from backend.bridge import api, door, login
 from backend.bridge.acp_socket import AcpSocket
+from backend.bridge.door import Door
 from backend.bridge.origin import HostGuard, OriginError, OriginPolicy
 from backend.bridge.pages import SecurityHeaders, WebApp
 from backend.bridge.robot_link import RobotLink
@@ -29,8 +30,11 @@ from backend.config import Settings
 WEB_DIST = Path(__file__).resolve().parents[2] / "web" / "dist"
 
 
-def create_app(settings: Settings, web_dist: Path = WEB_DIST) -> FastAPI:
-    """The bridge for `settings`. Raises `ConfigError` for an agent address that cannot be."""
+def create_app(settings: Settings, web_dist: Path = WEB_DIST, *, max_pages: int | None = None) -> FastAPI:
+    """The bridge for `settings`. Raises `ConfigError` for an agent address that cannot be.
+
+    `max_pages` may be fewer than the settings allow, for a system that has not room for them.
+    """
     bridge = settings.bridge
     origins = OriginPolicy(bridge.host, bridge.allowed_origins)
     registry = tokens.Registry(settings.data_dir)
@@ -62,24 +66,27 @@ def create_app(settings: Settings, web_dist: Path = WEB_DIST) -> FastAPI:
     app.add_exception_handler(HTTPException, _http_error)
     app.include_router(login.router(gate, settings.robot.name))
     app.include_router(api.router(gate, robot, health))
-    acp = AcpSocket(gate, agent, max_frame_bytes=bridge.max_frame_bytes, max_connections=bridge.max_connections)
-    app.router.routes += [WebSocketRoute("/acp", acp), *scene_routes(gate, scene)]
+    pages, each = max_pages or bridge.max_connections, door.PAGES_A_LOGIN
+    to_talk = Door(gate, pages, each)
+    to_look = Door(gate, pages * door.SOCKETS_TO_LOOK, each * door.SOCKETS_TO_LOOK)
+    acp = AcpSocket(gate, agent, max_frame_bytes=bridge.max_frame_bytes)
+    app.router.routes += [WebSocketRoute("/acp", to_talk.to(acp.serve)), *scene_routes(gate, scene, to_look)]
     app.mount("/", WebApp(web_dist))
     return app
 
 
-def scene_routes(gate: login.Gate, scene: Scene) -> list[BaseRoute]:
+def scene_routes(gate: login.Gate, scene: Scene, door: Door) -> list[BaseRoute]:
     """The scene's page and sockets, for everyone and for one viewer, and the robot's camera."""
-    page, socket = ScenePage(gate, scene).answer, SceneSocket(gate, scene)
+    page, socket = ScenePage(gate, scene).answer, door.to(SceneSocket(gate, scene).serve)
     return [
-        WebSocketRoute("/camera", CameraSocket(gate, scene)),
+        WebSocketRoute("/camera", door.to(CameraSocket(gate, scene).serve)),
         WebSocketRoute("/scene", socket),
         Route("/scene", with_slash),
         Route("/scene/", page),
         WebSocketRoute("/scene/{viewer}", socket),
         Route("/scene/{viewer}", with_slash),
         Route("/scene/{viewer}/", page),
-        WebSocketRoute("/scene/{viewer}/control", SceneControl(gate, scene)),
+        WebSocketRoute("/scene/{viewer}/control", door.to(SceneControl(gate, scene).serve)),
         Route("/scene/{viewer}/moved", CameraMoved(gate, scene).answer, methods=["POST"]),
     ]
 

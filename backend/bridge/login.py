@@ -13,12 +13,11 @@ import msgspec
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import JSONResponse
 from starlette.requests import HTTPConnection
-from starlette.websockets import WebSocket
 
 from backend.bridge.closing import LOGIN_ENDED, End
-from backend.bridge.origin import OriginError, OriginPolicy
+from backend.bridge.origin import OriginPolicy
 from backend.identity import Identity, InvalidToken
-from backend.tokens import Registry, RegistryError
+from backend.tokens import Registry
 
 COOKIE = "robot_acp"
 SUBPROTOCOL = "bearer."
@@ -86,21 +85,6 @@ class Gate:
         if token is None:
             raise LoginError("Log in with a token first.")
         return Login(self.verify(token, to_stop=to_stop), token)
-
-
-async def admit_websocket(gate: Gate, websocket: WebSocket) -> Login | None:
-    """Who opens a WebSocket; None when the upgrade was refused with an HTTP answer."""
-    await websocket.receive()
-    try:
-        return gate.admit(websocket)
-    except LoginError as error:
-        refusal = JSONResponse({"error": str(error)}, status_code=401)
-    except OriginError as error:
-        refusal = JSONResponse({"error": str(error)}, status_code=403)
-    except RegistryError as error:
-        refusal = JSONResponse({"error": str(error)}, status_code=503)
-    await websocket.send_denial_response(refusal)
-    return None
 
 
 def _presented(connection: HTTPConnection) -> tuple[str | None, bool]:

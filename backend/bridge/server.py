@@ -8,9 +8,11 @@ import socket
 
 import uvicorn
 
+from backend.bridge import door
 from backend.bridge.app import create_app
 from backend.bridge.direct import DirectWebSocket
 from backend.config import ConfigError, Settings
+from backend.descriptors import raise_limit
 
 PING_SECONDS = 5.0
 PONG_SECONDS = 15.0
@@ -27,7 +29,9 @@ async def serve(settings: Settings, *, listener: socket.socket | None = None) ->
     """
     for noisy in ("httpx", "websockets"):  # a line for every health check is a log that nobody reads
         logging.getLogger(noisy).setLevel(logging.WARNING)
-    app = create_app(settings)
+    wanted = settings.bridge.max_connections
+    descriptors = raise_limit(wanted * door.DESCRIPTORS_A_PAGE + door.DESCRIPTORS_KEPT)
+    app = create_app(settings, max_pages=door.pages_for(descriptors, wanted))
     bound = listener or listen(settings)
     host, port = bound.getsockname()[:2]
     server = uvicorn.Server(

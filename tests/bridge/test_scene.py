@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import threading
+import time
 from collections.abc import AsyncIterator, Callable
 
 import msgspec
@@ -16,10 +18,13 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 
 from backend import tokens
+from backend.bridge.door import Door
 from backend.bridge.login import Gate
 from backend.bridge.origin import OriginPolicy
 from backend.bridge.scene.proxy import SceneSocket
+from backend.bridge.scene.renewal import Renewal
 from backend.bridge.scene.scene import Scene
+from backend.bridge.scene.stage import Stage
 from backend.identity import Role
 from backend.telemetry import Map, Motion, Path, Picture, Pose, Scan, Stop, Zone
 from tests.bridge.scenes import CAMERA, MAP, POINTER, SUBPROTOCOL, TelemetryPeer, state, told
@@ -86,7 +91,7 @@ async def scene(robot: TelemetryPeer, wait_until) -> AsyncIterator[Scene]:
 async def viewer(scene, wait_until, tmp_path) -> AsyncIterator[Callable[[Role], connect]]:
     """Opens a viewer of that scene for somebody of a role."""
     gate = Gate(tokens.Registry(tmp_path), OriginPolicy("127.0.0.1"))
-    app = Starlette(routes=[WebSocketRoute("/scene", SceneSocket(gate, scene))])
+    app = Starlette(routes=[WebSocketRoute("/scene", Door(gate, 9, 9).to(SceneSocket(gate, scene).serve))])
     server = uvicorn.Server(uvicorn.Config(app, port=0, ws="websockets-sansio", log_config=None))
     serving = asyncio.create_task(server.serve())
     await wait_until(lambda: server.started)
@@ -129,7 +134,7 @@ async def test_nothing_that_a_viewer_sends_reaches_viser(scene, robot, viewer, w
 
 async def test_a_page_that_opens_is_shown_the_whole_map_in_its_own_shape(scene, robot, viewer, wait_until):
     await robot.send(MAP)
-    await wait_until(lambda: scene._stage._grid)
+    await wait_until(lambda: scene.viewers._places)
     async with viewer(Role.VIEWER) as page:
         await page.send(msgspec.msgpack.encode(CAMERA))
         x, _, z = (await told(page, "SetCameraPositionMessage"))["position"]
@@ -269,6 +274,96 @@ async def test_viser_begins_anew_before_its_numbers_slow_anybody_down(
     async with viewer(Role.VIEWER) as page:
         await page.send(msgspec.msgpack.encode(CAMERA))
         assert await told(page, "SetCameraPositionMessage")
+
+
+async def test_viser_is_drawn_to_from_one_thread_and_wakes_its_pages_in_its_own(wait_until):
+    """asyncio's debug mode refuses what else fails now and then, in the midst of a drawing, where many pages wait."""
+    stage = Stage("Sancho")
+    try:
+        url = f"ws://127.0.0.1:{stage.port}/"
+        async with connect(url, subprotocols=[SUBPROTOCOL], max_size=None, proxy=None) as page:
+            await told(page, "ReplayDoneMessage")
+            waiters = stage._server._websock_server._broadcast_buffer.message_event._waiters
+            await wait_until(lambda: waiters)
+            stage._server._websock_server._background_event_loop.set_debug(True)
+            stage.show(state(pose=Pose(7.0, 2.0, 0.0)))
+            assert (await told(page, "SetPositionMessage"))["position"] == [7.0, 2.0, 0.0]
+    finally:
+        stage.close()
+
+
+@pytest.fixture
+def servers(monkeypatch) -> list[viser.ViserServer]:
+    """Every viser server that is started from here on."""
+    started: list[viser.ViserServer] = []
+
+    class Noted(viser.ViserServer):
+        def __init__(self, *arguments, **options) -> None:
+            super().__init__(*arguments, **options)
+            started.append(self)
+
+    monkeypatch.setattr(viser, "ViserServer", Noted)
+    return started
+
+
+def runs(server: viser.ViserServer) -> bool:
+    return server._websock_server._server_thread.is_alive()
+
+
+async def test_a_renewal_that_fails_is_not_tried_at_each_message_and_leaves_no_server_behind(
+    scene, robot, wait_until, monkeypatch, caplog, servers
+):
+    old = scene._stage
+    await robot.send(HALL, state())
+    await wait_until(lambda: old._robot.visible)
+    good = scene._shown[Map]
+    scene._shown[Map] = Map(0.5, 8, 6, 0.0, 0.0, b"too short", [])  # cannot be drawn
+    monkeypatch.setattr("backend.bridge.scene.scene.RENEW_UNSEEN", 0)
+    await robot.send(*[state(pose=Pose(1.0 + i / 100, 2.0, 0.0)) for i in range(50)])
+    await wait_until(lambda: tuple(old._robot.position) == (1.49, 2.0, 0.0))  # the picture goes on
+    assert scene._stage is old
+    assert runs(old._server)
+    assert len(servers) == 1
+    assert not runs(servers[0])
+    assert caplog.text.count("viser cannot begin anew and goes on as it is") == 1
+
+    scene._shown[Map] = good
+    scene._renewal._not_before = 0.0  # the pause is over
+    await robot.send(state(pose=Pose(2.0, 2.0, 0.0)))
+    await wait_until(lambda: scene._stage is not old)
+    await wait_until(lambda: not runs(old._server))
+    assert len(servers) == 2
+    assert runs(servers[1])
+
+
+async def test_a_renewal_that_hangs_lets_the_picture_go_on_and_what_comes_of_it_late_is_closed(
+    scene, robot, wait_until, monkeypatch, servers
+):
+    old, held = scene._stage, threading.Event()
+    build = Stage._set_up
+    monkeypatch.setattr(Stage, "_set_up", lambda *asked: (held.wait(), build(*asked)))
+    monkeypatch.setattr("backend.bridge.scene.renewal.RENEWAL_SECONDS", 0.1)
+    monkeypatch.setattr("backend.bridge.scene.renewal.FIRST_PAUSE", 0.0)
+    monkeypatch.setattr("backend.bridge.scene.scene.RENEW_UNSEEN", 0)
+    await robot.send(*[state(pose=Pose(1.0 + i / 100, 2.0, 0.0)) for i in range(50)])
+    await wait_until(lambda: tuple(old._robot.position) == (1.49, 2.0, 0.0))
+    assert scene._stage is old
+    assert len(servers) == 1
+    monkeypatch.setattr("backend.bridge.scene.scene.RENEW_UNSEEN", 1_000_000)
+    held.set()
+    await wait_until(lambda: not runs(servers[0]))
+    assert scene._stage is old
+    assert runs(old._server)
+
+
+def test_the_pause_between_renewals_grows_to_a_limit():
+    renewal = Renewal("Sancho")
+    pauses = []
+    for _ in range(9):
+        began = time.monotonic()
+        renewal.failed()
+        pauses.append(round(renewal._not_before - began))
+    assert pauses == [10, 20, 40, 80, 160, 320, 600, 600, 600]
 
 
 HALL = Map(0.1, 100, 100, 0.0, 0.0, bytes(10000), [])

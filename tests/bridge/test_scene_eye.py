@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from backend.bridge.scene import picking
+from backend.bridge.scene import camera, picking
 from backend.bridge.scene.camera import TYPICAL_ASPECT, View, behind, fitting, overhead
 from backend.bridge.scene.eye import SETTLING, Eye, Report
 from backend.bridge.scene.viser_wire import Click
@@ -51,6 +51,59 @@ def test_a_page_of_before_a_restart_of_the_bridge_is_recognised():
     assert eye.view == "free"
     assert eye.look_at(EXTENT) is None  # it stands there already
     assert eye.view == "map"
+
+
+def test_a_page_that_was_moved_since_it_opened_is_not_recognised_any_more():
+    mine = Report(fitting(EXTENT, 1.5), 1.5)
+    for move in (lambda eye: eye.moved(), lambda eye: eye.reported(Report(ELSEWHERE, 1.5), LATER)):
+        eye = Eye((-5.0, -5.0, 5.0, 5.0), None)  # no map yet
+        eye.reported(mine, 0.0)
+        move(eye)
+        assert eye.look_at(EXTENT) is None
+        assert eye.reported(mine, LATER + 1) is None
+        assert eye.view == "free"
+
+
+@pytest.mark.parametrize("view", ["map", "top", "follow"])
+def test_a_camera_taken_in_hand_stays_free_although_it_stands_where_the_whole_map_is_seen(view):
+    eye = opened()
+    eye.choose(view, 0.2)
+    eye.moved()
+    for now in (0.3, LATER, LATER + 1):  # a report that was on its way, and a viewer who put it back by hand
+        assert eye.reported(Report(fitting(EXTENT, 1.5), 1.5), now) is None
+        assert eye.view == "free"
+    assert eye.look_at((0.0, 0.0, 9.0, 9.0)) is None
+
+
+def test_a_camera_taken_in_hand_stays_free_when_its_page_connects_again():
+    eye = opened()
+    eye.moved()
+    eye.closed()
+    assert eye.reported(Report(fitting(EXTENT, 1.5), 1.5), LATER) is None
+    assert eye.view == "free"
+
+
+def test_a_page_of_before_a_restart_is_recognised_although_it_connects_twice_before_there_is_a_map():
+    eye = Eye((-5.0, -5.0, 5.0, 5.0), None)
+    eye.reported(Report(fitting(EXTENT, 1.5), 1.5), 0.0)
+    eye.closed()
+    eye.reported(Report(fitting(EXTENT, 1.5), 1.5), 1.0)
+    eye.look_at(EXTENT)
+    assert eye.view == "map"
+
+
+def test_what_pages_report_is_not_reckoned_out_again_each_time(monkeypatch):
+    reckoned = []
+    look = camera._looking
+    monkeypatch.setattr(camera, "_looking", lambda *asked: reckoned.append(asked) or look(*asked))
+    moved, still = opened(), opened()
+    moved.moved()
+    before = len(reckoned)
+    for i in range(100):
+        moved.reported(Report(View((i, 4.0, 4.0), (5.0, 5.0, 0.0)), 1.5), LATER + i)
+        still.reported(Report(fitting(EXTENT, 1.5), 1.5), LATER + i)
+    assert len(reckoned) <= before + 8
+    assert (moved.view, still.view) == ("free", "map")
 
 
 def test_a_pane_that_changes_its_shape_sees_the_whole_map_again():

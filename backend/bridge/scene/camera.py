@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -65,6 +66,7 @@ def behind(robot: Pose, aspect: float) -> View:
     )
 
 
+@lru_cache(maxsize=256)  # every page asks again with each report, for one of few shapes
 def _fitting(extent: Extent, aspect: float, elevation: float) -> View:
     north, north_distance = _looking(extent, aspect, math.pi / 2, elevation)
     west, west_distance = _looking(extent, aspect, math.pi, elevation)

@@ -5,11 +5,10 @@ The newest picture alone waits for a slow reader. The robot is asked for picture
 
 from __future__ import annotations
 
-from starlette.types import Receive, Scope, Send
 from starlette.websockets import WebSocket
 
-from backend.bridge.closing import LEFT, POLICY_VIOLATION, End, close
-from backend.bridge.login import Gate, admit_websocket
+from backend.bridge.closing import LEFT, POLICY_VIOLATION, End
+from backend.bridge.login import Gate, Login
 from backend.bridge.race import first_of
 from backend.bridge.scene.outgoing import send_latest
 from backend.bridge.scene.scene import Scene
@@ -24,18 +23,13 @@ class CameraSocket:
         self._gate = gate
         self._scene = scene
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+    async def serve(self, websocket: WebSocket, login: Login) -> End:
         """Show pictures until whoever looks is gone, or their login ends."""
-        websocket = WebSocket(scope, receive, send)
-        login = await admit_websocket(self._gate, websocket)
-        if login is None:
-            return
         await websocket.accept()
         with self._scene.pictures() as pictures:
-            end = await first_of(
+            return await first_of(
                 _until_left(websocket), send_latest(pictures, websocket.send_bytes), self._gate.until_ended(login)
             )
-        await close(websocket, end)
 
 
 async def _until_left(websocket: WebSocket) -> End:

@@ -14,11 +14,10 @@ from typing import Any, Literal
 import msgspec
 from starlette.requests import Request
 from starlette.responses import Response
-from starlette.types import Receive, Scope, Send
 from starlette.websockets import WebSocket
 
-from backend.bridge.closing import LEFT, REPLACED, TOO_LARGE, End, close
-from backend.bridge.login import Gate, Login, admit_websocket
+from backend.bridge.closing import LEFT, REPLACED, TOO_LARGE, End
+from backend.bridge.login import Gate, Login
 from backend.bridge.race import first_of
 from backend.bridge.scene.outgoing import send_latest
 from backend.bridge.scene.scene import Scene
@@ -48,23 +47,19 @@ class SceneControl:
         self._gate = gate
         self._scene = scene
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+    async def serve(self, websocket: WebSocket, login: Login) -> End | None:
         """Serve one viewer's control, until it leaves, another one comes, or its login ends."""
-        websocket = WebSocket(scope, receive, send)
-        login = await admit_websocket(self._gate, websocket)
-        if login is None:
-            return
         identifier = viewer_id(websocket)
         if identifier is None:
             await refuse(websocket)
-            return
+            return None
         await websocket.accept()
         control = Control()
         with self._scene.viewers.viewer((login.identity.name, identifier)) as viewer:
             replaced = asyncio.Event()
             viewer.control_opened(control, replaced.set)
             try:
-                end = await first_of(
+                return await first_of(
                     _listen(websocket, viewer, control, login),
                     send_latest(control, lambda message: websocket.send_text(json.dumps(message, ensure_ascii=False))),
                     _until(replaced),
@@ -72,7 +67,6 @@ class SceneControl:
                 )
             finally:
                 viewer.control_closed(control)
-        await close(websocket, end)
 
 
 class CameraMoved:

@@ -47,24 +47,26 @@ class Eye:
         self._robot = robot  # smoothed while following
         self._moved = -math.inf  # when the robot's pose came last
         self._aspect: float | None = None  # of the page; None while there is none
-        self._last: Report | None = None  # what the page said last
+        self._found: Report | None = None  # where a page of before stands, until anything moves its camera
         self._chosen = False  # the view was asked for, so that a page that opens goes there from wherever it stands
         self._settled = math.inf  # until then any position is that of before
         self._sent: deque[View] = deque(maxlen=_REMEMBERED)
 
     def closed(self) -> None:
         """The page is gone; one that comes tells its shape anew."""
-        self._aspect = self._last = None
+        self._aspect = None
 
     def reported(self, report: Report, now: float) -> View | None:
         """The page says where its camera stands."""
-        opened, self._aspect, self._last = self._aspect is None, report.aspect, report
+        opened, self._aspect = self._aspect is None, report.aspect
         if opened:
             self._settled = now + SETTLING
-            if not (self._chosen or self._is_fresh(report)):
-                self.view = "free"  # a page that connected again stands where its viewer left it
+            if self.view != "free" and not (self._chosen or self._is_fresh(report)):
+                self.view, self._found = "free", report  # a page that connected again stands where its viewer left it
+                self._recognise()
         if self.view == "free":
-            self._recognise()
+            if self._found is not None and not _same(report.view, self._found.view):
+                self._found = None
             return None
         if self._echoes(report.view):
             return self._aim()
@@ -76,17 +78,17 @@ class Eye:
     def choose(self, view: Choice, now: float) -> View | None:
         """The viewer asks for a view."""
         self.view, self._chosen, self._settled = view, True, now + SETTLING
+        self._found = None
         return self._aim(again=True)
 
     def moved(self) -> None:
         """The viewer has taken the camera in hand."""
-        self.view = "free"
+        self.view, self._found = "free", None
 
     def look_at(self, extent: Extent) -> View | None:
         """From now on this part of the map is all of it."""
         self._extent = extent
-        if self.view == "free":
-            self._recognise()
+        self._recognise()
         return self._aim() if self.view in ("map", "top") else None
 
     def robot_at(self, pose: Pose, now: float) -> View | None:
@@ -121,9 +123,10 @@ class Eye:
 
     def _recognise(self) -> None:
         """A camera that stands exactly where the whole map is seen was put there by us, before we were restarted."""
-        if self._last is not None and _same(self._last.view, fitting(self._extent, self._last.aspect)):
+        if self._found is not None and _same(self._found.view, fitting(self._extent, self._found.aspect)):
             self.view = "map"
-            self._sent.append(self._last.view)
+            self._sent.append(self._found.view)
+            self._found = None
 
     def _echoes(self, view: View) -> bool:
         return any(_same(view, sent) for sent in reversed(self._sent))

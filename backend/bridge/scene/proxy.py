@@ -15,14 +15,13 @@ import uuid
 import httpx
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
-from starlette.types import Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, WebSocketException
 from websockets.typing import Subprotocol
 
-from backend.bridge.closing import LEFT, TRY_AGAIN_LATER, End, close
-from backend.bridge.login import Gate, Login, admit_websocket
+from backend.bridge.closing import LEFT, TRY_AGAIN_LATER, End
+from backend.bridge.login import Gate, Login
 from backend.bridge.race import first_of
 from backend.bridge.scene import page as visers_page
 from backend.bridge.scene import viser_wire
@@ -92,21 +91,16 @@ class SceneSocket:
         self._gate = gate
         self._scene = scene
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Relay one viewer, until either side is gone."""
-        websocket = WebSocket(scope, receive, send)
-        login = await admit_websocket(self._gate, websocket)
-        if login is None:
-            return
+    async def serve(self, websocket: WebSocket, login: Login) -> End | None:
+        """Relay one viewer, until either side is gone, or the login ends."""
         identifier = viewer_id(websocket) if "viewer" in websocket.path_params else uuid.uuid4().hex
         if identifier is None:
             await refuse(websocket)
-            return
+            return None
         with self._scene.viewers.viewer((login.identity.name, identifier)) as viewer:
-            end = await self._serve(websocket, login, viewer)
-        await close(websocket, end)
+            return await self._relay(websocket, login, viewer)
 
-    async def _serve(self, websocket: WebSocket, login: Login, viewer: Viewer) -> End:
+    async def _relay(self, websocket: WebSocket, login: Login, viewer: Viewer) -> End:
         offered = [Subprotocol(name) for name in websocket.scope["subprotocols"] if name.startswith("viser-")]
         try:
             async with asyncio.timeout(_START_SECONDS):
@@ -126,7 +120,7 @@ class SceneSocket:
                     with self._scene.watched():
                         return await first_of(
                             self._listen(websocket, viewer, page),
-                            _relay(viser, websocket),
+                            _pass_on(viser, websocket),
                             send_latest(page, websocket.send_bytes),
                             self._gate.until_ended(login),
                         )
@@ -148,7 +142,7 @@ class SceneSocket:
                     self._scene.viewers.clicked(viewer, page, click)
 
 
-async def _relay(viser: ClientConnection, websocket: WebSocket) -> End:
+async def _pass_on(viser: ClientConnection, websocket: WebSocket) -> End:
     try:
         async for frame in viser:
             async with asyncio.timeout(SECONDS):

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from backend import telemetry
 from backend.bridge.scene.feed import Feed
 from backend.bridge.scene.latest import Latest
+from backend.bridge.scene.renewal import Renewal
 from backend.bridge.scene.viewers import Viewers
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ class Scene:
 
     def __init__(self, robot_name: str, telemetry_url: str, secret: bytes) -> None:
         self.viewers = Viewers()
-        self._robot_name = robot_name
+        self._renewal = Renewal(robot_name)
         self._feed = Feed(telemetry_url, secret, self._show, self._lost)
         self._stage: Stage | None = None  # set once viser runs
         self._started = asyncio.Event()  # set once viser runs, or has failed to
@@ -44,7 +45,7 @@ class Scene:
     async def run(self) -> None:
         """Start viser in a thread, as its import and start take a while, and feed it until cancelled."""
         try:
-            self._stage = await self._new_stage()
+            self._stage = await self._renewal.first()
         except Exception:
             log.exception("the scene cannot be started; all else goes on without it")
             return
@@ -123,27 +124,11 @@ class Scene:
     async def _renew(self) -> None:
         """Have viser number its changes from nought again. Pages lose their connection, and come back to the same."""
         assert self._stage is not None  # noqa: S101 - see above
-        old, kept = self._stage, list(self._shown.values())
-        self._stage = await self._new_stage(old, kept)
-        await asyncio.to_thread(old.close)
-
-    async def _new_stage(self, old: Stage | None = None, kept: list[telemetry.AnyMessage] | None = None) -> Stage:
-        starting = asyncio.ensure_future(asyncio.to_thread(_make_stage, self._robot_name, old, kept or []))
-        try:
-            return await asyncio.shield(starting)
-        except asyncio.CancelledError:
-            (await starting).close()  # a thread cannot be cancelled
-            raise
+        old = self._stage
+        if (new := await self._renewal.renewed(old, list(self._shown.values()))) is not None:
+            self._stage = new
+            await asyncio.to_thread(old.close)
 
     def _lost(self) -> None:
         if self._stage is not None:
             self._stage.lost()
-
-
-def _make_stage(robot_name: str, old: Stage | None, kept: list[telemetry.AnyMessage]) -> Stage:
-    from backend.bridge.scene.stage import Stage  # viser comes with it, and takes its time
-
-    stage = Stage(robot_name, old.trail if old is not None else None)
-    for message in kept:
-        stage.show(message)
-    return stage

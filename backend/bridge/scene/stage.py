@@ -14,7 +14,7 @@ import rich
 import viser
 
 from backend import telemetry
-from backend.bridge.scene import robot, shapes
+from backend.bridge.scene import robot, shapes, wakeup
 from backend.bridge.scene.building import OUTSIDE, Building
 from backend.bridge.scene.camera import FIELD_OF_VIEW, TYPICAL_ASPECT, fitting
 from backend.bridge.scene.nodes import Colour, Nodes
@@ -41,6 +41,14 @@ class Stage:
     def __init__(self, robot_name: str, trail: Trail | None = None) -> None:
         with _silent():
             self._server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        try:
+            wakeup.in_its_own_thread(self._server)
+            self._set_up(robot_name, trail)
+        except BaseException:
+            self.close()
+            raise
+
+    def _set_up(self, robot_name: str, trail: Trail | None) -> None:
         self._name = robot_name
         self._online = False
         self._grid: telemetry.Map | None = None
