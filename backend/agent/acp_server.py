@@ -39,6 +39,7 @@ from backend.agent.abilities import abilities
 from backend.agent.connection import ClientConnection, after_the_answer
 from backend.agent.event_page import event_page
 from backend.agent.house import House
+from backend.agent.lease import SomebodyElse
 from backend.agent.offers import Offer, OfferRefused
 from backend.agent.robot_link import RobotLinkError
 from backend.agent.session import QueueFull, Session
@@ -381,10 +382,7 @@ class AcpServer:
             if name == "robot/release":
                 return await self._house.link.release(self._authorized(Right.RELEASE).name)
             if name == "robot/take_over":
-                loser = self._house.bench.lease.take_over(
-                    params.get("sessionId"), self._authorized(Right.TAKE_OVER).name
-                )
-                return {"from": loser.by if loser else None}
+                return self._take_over(self._authorized(Right.TAKE_OVER).name, params)
             if name == "robot/leave":
                 session_id = str(params.get("sessionId"))
                 await self._house.sessions.get(session_id, self._known())  # behind a load that waits for the database
@@ -399,6 +397,16 @@ class AcpServer:
         except (RobotLinkError, ServerUnavailable) as error:
             raise RequestError(wire.INTERNAL_ERROR, str(error)) from None
         raise RequestError(wire.METHOD_NOT_FOUND, f"There is no method _{name}.")
+
+    def _take_over(self, by: str, params: dict[str, Any]) -> dict[str, Any]:
+        meant = params.get("from")
+        if meant is not None and not isinstance(meant, str):
+            raise RequestError(wire.INVALID_PARAMS, "from must be the id of a session.")
+        try:
+            loser = self._house.bench.lease.take_over(params.get("sessionId"), by, meant)
+        except SomebodyElse as other:
+            raise RequestError(wire.INVALID_PARAMS, str(other), {"holder": other.holder}) from None
+        return {"from": loser.by if loser else None}
 
     async def ext_notification(self, name: str, params: dict[str, Any]) -> None:
         """Unknown notifications are ignored, as the protocol says."""
