@@ -142,7 +142,7 @@ class Agent(_Section):
     permission_timeout: float = Field(60.0, gt=0, description="seconds; no answer in time is a refusal")
     thought_timeout: float = Field(5.0, gt=0, description="seconds that acting waits for the first thought")
     max_steps: int = Field(40, gt=0, description="inferences a turn")
-    preview: str = Field("plan_only", description="argument that lets a tool only compute its path; empty: none")
+    preview: bool = Field(True, description="before people are asked, a drive's path is computed and drawn")
     pose_tool: str = Field("get_current_pose", description="tool that tells where a session started")
     places_tool: str = Field("get_topological_map", description="tool that tells the places that a kiosk suggests")
     unattended_after: float = Field(45.0, ge=0, description="seconds without anybody who may operate; 0 is never")

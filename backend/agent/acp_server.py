@@ -1,4 +1,5 @@
-"""The ACP operations of one connection: who may call what, and what it does to a session.
+"""The ACP operations of one connection: what each does to a session. Who may is in `rights`, what is no ACP in
+`extensions`.
 
 The official SDK validates every message against the schema before it gets here, and every answer goes through its
 types. Nothing here talks to the robot or to a model: that is the turn.
@@ -15,52 +16,35 @@ from acp.agent.router import build_agent_router
 from acp.exceptions import RequestError
 from acp.router import MessageRouter
 from acp.schema import (
-    AgentCapabilities,
     AuthenticateResponse,
-    AuthMethodAgent,
     CloseSessionResponse,
     DeleteSessionRequest,
-    Implementation,
     InitializeResponse,
     ListSessionsResponse,
     LogoutRequest,
     LogoutResponse,
-    McpCapabilities,
-    PromptCapabilities,
     PromptResponse,
-    SessionCapabilities,
     SessionInfo,
 )
 from pydantic import BaseModel, Field
 
-from backend import __version__, identity, wire
+from backend import identity, wire
 from backend.agent import commands, options
-from backend.agent.abilities import abilities
 from backend.agent.connection import ClientConnection, after_the_answer
-from backend.agent.event_page import event_page
+from backend.agent.extensions import Extensions
+from backend.agent.hello import hello
 from backend.agent.house import House
 from backend.agent.offers import Offer, OfferRefused
+from backend.agent.rights import Rights, no_session
 from backend.agent.robot_link import RobotLinkError
 from backend.agent.session import QueueFull, Session
 from backend.agent.telemetry_feed import TelemetryFeed
-from backend.agent.tool_server import ServerUnavailable
 from backend.agent.turn import Turn
 from backend.identity import Identity, Right, Role
 from backend.tokens import RegistryError
 
 log = logging.getLogger(__name__)
 
-PROTOCOL_VERSION = 1
-EXTENSIONS = (
-    "_robot/telemetry",
-    "_robot/people",
-    "_robot/stop",
-    "_robot/release",
-    "_robot/take_over",
-    "_robot/abilities",
-    "_robot/leave",
-    "_robot/events",
-)
 _AFTER = "robot-acp/after"
 _SEARCH = "robot-acp/search"
 _OWNER = "robot-acp/owner"
@@ -83,6 +67,8 @@ class AcpServer:
         self._connection = connection
         self._attached: dict[str, Session] = {}
         self._attaching = asyncio.Lock()
+        self._rights = Rights(house, connection)
+        self._extensions = Extensions(house, self._rights, self._detach)
         self._greeted = False
         self._feed: TelemetryFeed | None = None
         house.people.enter(connection, self._attached)
@@ -114,7 +100,7 @@ class AcpServer:
         """Agree on the version, and learn who this is: by the bridge's token, or because it comes from here."""
         del protocol_version, client_info  # there is one version
         if self._greeted:
-            return self._hello()  # who this is has been settled, and stays
+            return hello(self._house, self._connection.identity)  # who this is has been settled, and stays
         token = (meta or {}).get(wire.TOKEN_META)
         if token is not None:
             self._identify(token)
@@ -126,7 +112,7 @@ class AcpServer:
         log.info("client %s: %s", self._connection.id, f"{who.name}, {who.role.value}" if who else "not logged in")
         self._connection.client_capabilities = capabilities
         self._follow_robot((capabilities.get("_meta") or {}).get("robot-acp/telemetry"))
-        return self._hello()
+        return hello(self._house, self._connection.identity)
 
     async def authenticate(self, method_id: str, meta: dict[str, Any] | None = None) -> AuthenticateResponse:
         """Prove who one is with a token in `_meta`."""
@@ -146,7 +132,7 @@ class AcpServer:
 
     def _judge(self) -> None:
         """Who this is has changed, and so may what it may see and be asked."""
-        who = self._known()
+        who = self._rights.known()
         for session in list(self._attached.values()):
             if not self._house.sessions.shows(session, who):
                 self._detach(session.id)
@@ -168,26 +154,6 @@ class AcpServer:
         except (identity.InvalidToken, RegistryError) as error:
             raise RequestError(wire.AUTH_REQUIRED, str(error)) from None
 
-    def _hello(self) -> InitializeResponse:
-        who = self._connection.identity
-        about = {"extensions": list(EXTENSIONS), "robot": self._house.settings.robot.name}
-        if who:
-            about |= {"role": who.role.value, "name": who.name}
-        return InitializeResponse(
-            protocol_version=PROTOCOL_VERSION,
-            agent_info=Implementation(name="robot-acp", title=self._house.settings.robot.name, version=__version__),
-            auth_methods=[AuthMethodAgent(id="token", name="Login token", description="Ask the robot's operator.")],
-            agent_capabilities=AgentCapabilities(
-                load_session=True,
-                prompt_capabilities=PromptCapabilities(image=True, audio=False, embedded_context=True),
-                mcp_capabilities=McpCapabilities(http=bool(self._house.offers), sse=False),
-                session_capabilities=SessionCapabilities.model_validate(
-                    {"list": {}, "resume": {}, "fork": {}, "close": {}, "delete": {}}
-                ),
-                field_meta={"robot-acp": about},
-            ),
-        )
-
     # Sessions
 
     async def new_session(
@@ -199,7 +165,7 @@ class AcpServer:
     ) -> dict[str, Any]:
         """Begin a session."""
         del additional_directories, meta
-        who = self._authorized(Right.PROMPT)
+        who = self._rights.authorized(Right.PROMPT)
         offers = self._offers(mcp_servers)
         settings = self._house.settings.agent
         session = await self._house.sessions.create(who.name, cwd, settings.default_mode, settings.model)
@@ -248,9 +214,9 @@ class AcpServer:
     ) -> dict[str, Any]:
         """A session of one's own with the same past."""
         del cwd, additional_directories, meta
-        who = self._authorized(Right.PROMPT)
+        who = self._rights.authorized(Right.PROMPT)
         offers = self._offers(mcp_servers)
-        fork = await self._house.sessions.fork(await self._session(session_id), who.name)
+        fork = await self._house.sessions.fork(await self._rights.session(session_id), who.name)
         await fork.offered.take(offers)  # those of the original stay there: their headers are somebody's secrets
         await self._attach(fork)
         return {"sessionId": fork.id} | options.state(fork, self._house.models)
@@ -260,7 +226,7 @@ class AcpServer:
     ) -> ListSessionsResponse:
         """The sessions that this person may see, newest first; those alone that have the words that `_meta` gives."""
         del cwd  # a robot has no working folder that would sort sessions
-        who = self._known()
+        who = self._rights.known()
         words = (meta or {}).get(_SEARCH, "")
         if not isinstance(words, str):
             raise RequestError(wire.INVALID_PARAMS, f"{_SEARCH} must be text.")
@@ -280,7 +246,7 @@ class AcpServer:
     async def close_session(self, session_id: str, meta: dict[str, Any] | None = None) -> CloseSessionResponse:
         """End what runs in the session, and stop watching it."""
         del meta
-        session = await self._own(session_id)
+        session = await self._rights.own(session_id)
         await session.close()
         self._detach(session_id)
         return CloseSessionResponse()
@@ -288,7 +254,7 @@ class AcpServer:
     async def delete_session(self, session_id: str, meta: dict[str, Any] | None = None) -> dict[str, Any]:
         """Remove the session and its log."""
         del meta
-        session = await self._own(session_id)
+        session = await self._rights.own(session_id)
         await self._house.sessions.delete(session)
         self._attached.pop(session_id, None)
         return {}
@@ -300,17 +266,17 @@ class AcpServer:
     ) -> PromptResponse:
         """Run a turn; the answer comes after its last update. `/stop` stops first, whoever says it and wherever."""
         del meta
-        who = self._known()
+        who = self._rights.known()
         blocks = [block.model_dump(mode="json", by_alias=True, exclude_none=True) for block in prompt]
         if not blocks:
             raise RequestError(wire.INVALID_PARAMS, "A prompt needs at least one block.")
         stopped: str | None = None
         if commands.named_in(blocks) == "stop":  # a stop waits for nothing: no right, no log, no turn that runs
             stopped = await self._stopped(who)
-            session = await self._session(session_id)
+            session = await self._rights.session(session_id)
         else:
-            self._authorized(Right.PROMPT)
-            session = await self._own(session_id)
+            self._rights.authorized(Right.PROMPT)
+            session = await self._rights.own(session_id)
             if self._house.journal.failure:
                 raise RequestError(wire.INTERNAL_ERROR, self._house.journal.failure)
         if self._connection not in session.watching:
@@ -340,8 +306,8 @@ class AcpServer:
     async def cancel(self, session_id: str, meta: dict[str, Any] | None = None) -> None:
         """End the turn. Whoever may prompt in a session may cancel in it."""
         del meta
-        self._authorized(Right.PROMPT)
-        (await self._session(session_id)).cancel()
+        self._rights.authorized(Right.PROMPT)
+        (await self._rights.session(session_id)).cancel()
 
     # Settings
 
@@ -361,8 +327,8 @@ class AcpServer:
     ) -> dict[str, Any]:
         """Change the mode or the model."""
         del type, meta
-        self._authorized(Right.CONFIGURE)
-        session = await self._own(session_id)
+        self._rights.authorized(Right.CONFIGURE)
+        session = await self._rights.own(session_id)
         try:
             updates = options.change(session, config_id, value, self._house.models)
         except ValueError as error:
@@ -374,67 +340,16 @@ class AcpServer:
     # Extensions
 
     async def ext_method(self, name: str, params: dict[str, Any]) -> dict[str, Any]:
-        """`_robot/stop`, `leave`, `events` and `abilities` for everyone, `release` and `take_over` for supervisors."""
-        try:
-            if name == "robot/stop":
-                return await self._house.link.stop(self._known().name)
-            if name == "robot/release":
-                return await self._house.link.release(self._authorized(Right.RELEASE).name)
-            if name == "robot/take_over":
-                loser = self._house.bench.lease.take_over(
-                    params.get("sessionId"), self._authorized(Right.TAKE_OVER).name
-                )
-                return {"from": loser.by if loser else None}
-            if name == "robot/leave":
-                session_id = str(params.get("sessionId"))
-                await self._house.sessions.get(session_id, self._known())  # behind a load that waits for the database
-                self._detach(session_id)
-                return {}
-            if name == "robot/events":
-                session = await self._session(str(params.get("sessionId")))
-                return await event_page(self._house.sessions, session, params)
-            if name == "robot/abilities":
-                self._known()
-                return await abilities(self._house.bench.tools, self._house.settings.agent.places_tool)
-        except (RobotLinkError, ServerUnavailable) as error:
-            raise RequestError(wire.INTERNAL_ERROR, str(error)) from None
-        raise RequestError(wire.METHOD_NOT_FOUND, f"There is no method _{name}.")
+        """The methods of our own, without the underscore that their names begin with."""
+        return await self._extensions.call(name, params)
 
     async def ext_notification(self, name: str, params: dict[str, Any]) -> None:
         """Unknown notifications are ignored, as the protocol says."""
 
-    # Who may do what
-
-    def _known(self) -> Identity:
-        who = self._connection.identity
-        if who is None:
-            raise RequestError(wire.AUTH_REQUIRED, "Log in first: authenticate with a login token.")
-        if who.expired:
-            raise RequestError(wire.AUTH_REQUIRED, "This login token has expired. Ask for a new one.")
-        return who
-
-    def _authorized(self, right: Right) -> Identity:
-        who = self._known()
-        if not who.may(right):
-            raise RequestError(wire.NOT_ALLOWED, f"The role {who.role.value} may not {right.value.replace('_', ' ')}.")
-        return who
-
-    async def _session(self, session_id: str) -> Session:
-        session = await self._house.sessions.get(session_id, self._known())
-        if session is None:
-            raise _no_session(session_id)
-        return session
-
-    async def _own(self, session_id: str) -> Session:
-        """A session that this person may change: an own one, or anyone's for a supervisor."""
-        session = await self._session(session_id)
-        who = self._known()
-        if session.row.owner != who.name and not who.may(Right.TAKE_OVER):
-            raise RequestError(wire.NOT_ALLOWED, f"This session is {session.row.owner}'s. Begin one of your own.")
-        return session
+    # Helpers of the operations
 
     def _offers(self, servers: list[Any] | None) -> tuple[Offer, ...]:
-        who = self._known()
+        who = self._rights.known()
         try:
             return self._house.offers.read(servers or [], role=who.role, may_offer=who.may(Right.OFFER_SERVERS))
         except OfferRefused as refused:
@@ -443,7 +358,7 @@ class AcpServer:
     async def _reopened(self, session_id: str, servers: list[Any] | None) -> Session:
         """The session, with the servers of the client in place of those that it had; no servers leave it as it is."""
         offers = self._offers(servers)
-        session = await self._session(session_id)
+        session = await self._rights.session(session_id)
         if offers:
             await session.offered.take(offers)
         return session
@@ -456,9 +371,9 @@ class AcpServer:
                 await self._watch(session, after)
 
     async def _watch(self, session: Session, after: int | None = None) -> None:
-        if not self._house.sessions.shows(session, self._known()):  # the login may have changed meanwhile
+        if not self._house.sessions.shows(session, self._rights.known()):  # the login may have changed meanwhile
             self._attached.pop(session.id, None)
-            raise _no_session(session.id)
+            raise no_session(session.id)
         self._attached[session.id] = session
         if after is None:
             await session.attach(self._connection)
@@ -484,7 +399,3 @@ class AcpServer:
     def _follow_robot(self, wanted: Any) -> None:
         if isinstance(wanted, dict):
             self._feed = TelemetryFeed(self._house, self._connection, wanted.get("rate"))
-
-
-def _no_session(session_id: str) -> RequestError:
-    return RequestError(wire.INVALID_PARAMS, f"There is no session {session_id[:64]}.")

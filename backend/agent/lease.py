@@ -22,6 +22,14 @@ class Claim:
     """Who took the robot away from it; None while nobody has."""
 
 
+class SomebodyElse(Exception):
+    """The turn that was to be ended has ended by itself, and `holder` has the robot now."""
+
+    def __init__(self, holder: str) -> None:
+        super().__init__(f"{holder} has the robot now, and keeps it: another turn was to end.")
+        self.holder = holder
+
+
 class Lease:
     """Who controls the robot. `holder` is None while nobody acts."""
 
@@ -52,10 +60,15 @@ class Lease:
             self.holder = None
             self._pass_on()
 
-    def take_over(self, session_id: str | None, by: str) -> Claim | None:
-        """End the holder's turn in the name of `by`, let `session_id` be next, and return who lost it."""
-        self._waiting.sort(key=lambda claim: claim.session_id != session_id)  # stable: the rest keep their order
+    def take_over(self, session_id: str | None, by: str, meant: str | None = None) -> Claim | None:
+        """End the holder's turn in the name of `by`, let `session_id` be next, and return who lost it.
+
+        `meant` is the session whose turn is to end. Raises `SomebodyElse`, and changes nothing, when it is another's.
+        """
         loser = self.holder
+        if meant is not None and loser is not None and loser.session_id != meant:
+            raise SomebodyElse(loser.by)
+        self._waiting.sort(key=lambda claim: claim.session_id != session_id)  # stable: the rest keep their order
         if loser is None or loser.session_id == session_id:
             return None
         loser.taken_by = by

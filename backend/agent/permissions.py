@@ -18,6 +18,9 @@ from pydantic import ValidationError
 
 log = logging.getLogger(__name__)
 
+GRACE_S = 10.0
+"""How long somebody who has gone is expected back, as from a page that is loaded again, before nobody is there."""
+
 Reason = Literal["selected", "remembered", "timeout", "nobody"]
 
 OPTION_KINDS = ("allow_once", "allow_always", "reject_once", "reject_always")
@@ -116,29 +119,55 @@ class PermissionDesk:
         self._may_come = may_come
         self._pending: list[Question] = []
         self._approvers: list[Approver] = []
+        self._expected: dict[str, asyncio.TimerHandle] = {}
+        """Those who have gone a moment ago, by name, and when they are expected no longer."""
 
     def attach(self, approver: Approver) -> None:
         """Someone who may approve has come: show what is pending, and ask from now on."""
         if approver in self._approvers:
             return
         self._approvers.append(approver)
+        if expected := self._expected.pop(approver.name, None):
+            expected.cancel()
         for question in self._pending:
             self._put(question, approver)
 
     def detach(self, approver: Approver, *, returns: bool = False) -> None:
-        """Someone has gone; a question that nobody sees any more is refused, unless the one who saw it `returns`."""
+        """Someone has gone; a question that nobody sees any more is refused: if they are not back soon, at once if it
+        is their right that has gone, and not at all because of one who `returns` for sure."""
         if approver not in self._approvers:
             return
         self._approvers.remove(approver)
-        for question in list(self._pending):
+        for question in self._pending:
             if task := question.asked.pop(approver, None):
                 task.cancel()
-            if not question.asked and not returns and not question.verdict.done():
+        if not returns:
+            self._expect(approver)
+
+    def _expect(self, approver: Approver) -> None:
+        """Wait for somebody who has gone, if they could still answer."""
+        name = approver.name
+        if before := self._expected.pop(name, None):
+            before.cancel()
+        if approver.may_approve:
+            self._expected[name] = asyncio.get_running_loop().call_later(GRACE_S, self._expect_no_longer, name)
+        else:
+            self._refuse_unseen()
+
+    def _expect_no_longer(self, name: str) -> None:
+        del self._expected[name]
+        self._refuse_unseen()
+
+    def _refuse_unseen(self) -> None:
+        for question in self._pending:
+            if not question.asked and not question.verdict.done() and not self.attended(question.not_by):
                 question.verdict.set_result(Verdict(False, "nobody"))
 
     def attended(self, not_by: str | None = None) -> bool:
-        """Whether a question has a chance: somebody other than `not_by` who may approve is attached, or may come."""
-        return any(approver.name != not_by for approver in self._approvers) or self._may_come(not_by)
+        """Whether a question has a chance: somebody other than `not_by` who may approve is attached, has gone a moment
+        ago, or may come."""
+        names = [*(approver.name for approver in self._approvers), *self._expected]
+        return any(name != not_by for name in names) or self._may_come(not_by)
 
     async def ask(
         self,
@@ -197,7 +226,11 @@ class PermissionDesk:
             # What somebody may do can have changed since the question was put.
             offered = [option["optionId"] for option in question.params["options"]]
             option = read_answer(answer, offered) if approver.may_approve else None
-        except Exception as error:  # an error response or a lost connection; it must not break the turn
+        except ConnectionError:
+            if question.asked.pop(approver, None) and approver in self._approvers:
+                self._expect(approver)
+            return
+        except Exception as error:  # an error response; it must not break the turn
             log.info("no answer from %s: %s", approver.name, type(error).__name__)
             option = None
         if question.verdict.done():

@@ -1,26 +1,24 @@
 """What a call would do, computed before people are asked about it: the robot plans its way, draws it and does not move.
 
-Only a tool of the robot itself is believed to do no more than that, never one of a server that a client brought. It is
-no step of the turn: it takes no part in deciding, is in no log, and delays a question for `TIMEOUT_S` at most. What it
-tells beforehand is a refusal: nobody is asked for what the robot would not do anyway.
+Only a tool that the robot's own server says it of is believed to do no more than that, never one of a server that a
+client brought. It is no step of the turn: it takes no part in deciding, is in no log, and delays a question for
+`TIMEOUT_S` at most. What it tells beforehand is a refusal: nobody is asked for what the robot would not do anyway.
 """
 
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import logging
-from collections.abc import AsyncIterator
-from dataclasses import dataclass
 from typing import Any
 
-from backend.agent.phases import Phases
-from backend.agent.robot_link import RobotLink
+from backend import telemetry
+from backend.agent import present
 from backend.agent.tool_server import ServerUnavailable, Tool, ToolResult, ToolServer
 
 log = logging.getLogger(__name__)
 
 TIMEOUT_S = 2.0
+META = "robot-acp/preview"
 
 
 class Refused(Exception):
@@ -31,46 +29,31 @@ class Refused(Exception):
         self.result = result
 
 
-@dataclass
-class View:
-    """What people are shown. `meta` is `robot-acp/preview` of the question, None where nothing was computed."""
-
-    meta: dict[str, Any] | None = None
-    stays: bool = False
-    """Set when the call goes on: what was drawn is then its own."""
+def drawn_for(own: str, *, rehearsal: bool = False) -> dict[str, Any]:
+    """The `_meta` of a call whose way is to be drawn under the id `own`; a `rehearsal` is held to all that the drive
+    itself would have to pass."""
+    return {META: {"id": own, "rehearsal": rehearsal}}
 
 
-@contextlib.asynccontextmanager
-async def shown(
-    tools: ToolServer, link: RobotLink, phases: Phases, argument: str, tool: Tool, arguments: dict[str, Any]
-) -> AsyncIterator[View]:
-    """Show what `tool` would do with `arguments` while inside, and afterwards if it `stays`. Raises `Refused`."""
-    if not can_preview(tool, argument):
-        yield View()
-        return
-    view = View()
-    try:
-        with phases.during("tools"):
-            view.meta = await _computed(tools, tool, arguments | {argument: True})
-        yield view
-    finally:
-        if not view.stays:
-            await link.forget_preview()
+def not_stopped(tool: Tool, state: telemetry.State | None) -> None:
+    """Raises `Refused` for a call that acts while the robot's stop is set. It spares people a question; what may begin
+    is decided in the robot server, where the stop is."""
+    if tool.server is None and not tool.read_only and state is not None and state.stop is not None:
+        error = {"code": "stopped", "message": f"Stopped by {state.stop.by}. A supervisor has to release it."}
+        told = present.text_block(f"{error['code']}: {error['message']}")
+        raise Refused(ToolResult(True, [told], {"error": error}))
 
 
-def can_preview(tool: Tool, argument: str) -> bool:
-    """Whether `tool` has the flag `argument`, and is believed to do nothing when it is set."""
-    if tool.server is not None or not argument:
-        return False
-    flag = (tool.parameters.get("properties") or {}).get(argument)
-    return isinstance(flag, dict) and flag.get("type") == "boolean"
+async def rehearsed(tools: ToolServer, tool: Tool, arguments: dict[str, Any], own: str) -> dict[str, Any] | None:
+    """Let the robot draw the way that `tool`, which can preview, would take, under the id `own`.
 
-
-async def _computed(tools: ToolServer, tool: Tool, arguments: dict[str, Any]) -> dict[str, Any] | None:
-    """Length and seconds of the way, as far as the robot tells them; None when nothing came of it in time."""
+    Returns `robot-acp/preview` of the question: length and seconds as far as the robot tells them; None when nothing
+    came of it in time. Raises `Refused`.
+    """
+    assert tool.preview is not None  # noqa: S101 - the caller has looked
     try:
         async with asyncio.timeout(TIMEOUT_S):
-            result = await tools.call(tool.name, arguments)
+            result = await tools.call(tool.name, arguments | {tool.preview: True}, meta=drawn_for(own, rehearsal=True))
     except (ServerUnavailable, TimeoutError) as error:
         log.info("no preview of %s: %s", tool.name, type(error).__name__)
         return None

@@ -102,13 +102,13 @@ class RobotLink:
         """Release the stop. Raises `RobotLinkError`."""
         return await self._post("/release", by)
 
-    async def forget_preview(self) -> None:
-        """Let the robot show a way that was only computed no longer; that it does not take it is no reason to fail."""
+    async def forget_preview(self, own: str) -> None:
+        """Let the robot draw the way with this id no longer; that it does not take it is no reason to fail."""
         if self._base is None:
             return
         try:
             async with httpx.AsyncClient(headers=self._headers, timeout=PREVIEW_TIMEOUT_S, trust_env=False) as client:
-                await client.delete(self._base + "/preview")
+                await client.delete(f"{self._base}/preview/{own}")
         except httpx.HTTPError as error:
             log.info("the preview could not be taken back: %s", type(error).__name__)
 

@@ -67,7 +67,7 @@ _events = sa.Table(
 _T = TypeVar("_T")
 Changes = dict[str, dict[str, object]]
 """Session id -> column -> value."""
-MAX_WORDS = 16
+MAX_WORDS = 4
 """Words of a search that count; more only cost time."""
 _PAGE = 200
 _PAGE_BYTES = 4 * 1024 * 1024
@@ -129,6 +129,8 @@ class Store:
         self._writes = writes
         self._engine: sa.Engine | None = None
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="store")
+        self._searching = asyncio.Lock()
+        """Held by the one search that may be on the thread: what is kept must never wait behind many of them."""
 
     async def open(self) -> None:
         """Connect and make what is missing. Raises `StoreError`."""
@@ -176,7 +178,8 @@ class Store:
             updated, session_id = before
             query = query.where(sa.tuple_(_sessions.c.updated, _sessions.c.id) < sa.tuple_(updated, _clean(session_id)))
         query = query.order_by(_sessions.c.updated.desc(), _sessions.c.id.desc()).limit(limit)
-        return [SessionRow(**row._mapping) for row in await self._read(query)]
+        async with self._searching:
+            return [SessionRow(**row._mapping) for row in await self._read(query)]
 
     async def delete_session(self, session_id: str) -> None:
         """Remove a session and its events."""

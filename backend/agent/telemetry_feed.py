@@ -48,11 +48,7 @@ class TelemetryFeed:
         self._connection.show_latest(METHOD, orjson.dumps(message, option=orjson.OPT_APPEND_NEWLINE))
 
     def _params(self, state: telemetry.State | None) -> dict[str, Any]:
-        holder = self._house.bench.lease.holder
-        turn: dict[str, Any] | None = None
-        if holder:
-            waiting = [{"sessionId": claim.session_id, "by": claim.by} for claim in self._house.bench.lease.waiting]
-            turn = {"sessionId": holder.session_id, "by": holder.by, "waiting": waiting}
+        turn = self._turn()
         name = self._house.settings.robot.name
         if state is None:
             return {"robot": name, "online": False, "turn": turn}
@@ -69,3 +65,13 @@ class TelemetryFeed:
             "halted": msgspec.to_builtins(state.halted),
             "turn": turn,
         }
+
+    def _turn(self) -> dict[str, Any] | None:
+        """Whose turn controls the robot. Who is in line for it is nobody's business who may not operate it."""
+        lease = self._house.bench.lease
+        if lease.holder is None:
+            return None
+        turn = {"sessionId": lease.holder.session_id, "by": lease.holder.by, "queue": len(lease.waiting)}
+        if self._connection.may_approve:
+            turn["waiting"] = [{"sessionId": claim.session_id, "by": claim.by} for claim in lease.waiting]
+        return turn

@@ -13,7 +13,7 @@ import shlex
 import string
 from collections.abc import AsyncIterator, Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import anyio
 import mcp
@@ -33,8 +33,8 @@ PARTING_TIMEOUT_S = 5.0
 """How long a server may take to be left; then its connection ends without anybody who waits."""
 MAX_RESULT_BYTES = 12 * 1024 * 1024
 """A spoken sentence comes back as sound: half a minute of it is over the SDK's limit of one MiB."""
-PREVIEW_ARGUMENT = "plan_only"
 _TITLE_META = "robot-acp/title"
+_PREVIEW_META = "robot-acp/preview"
 
 
 class ServerUnavailable(Exception):
@@ -76,12 +76,18 @@ class Tool:
     server: str | None = None
     """The offered server that it belongs to; None for the robot's own."""
     sign_of_life: sign_of_life.Asked | None = None
+    preview: str | None = None
+    """The flag with which the tool only computes what it would do, if its server says that it has one."""
 
     @property
     def traits(self) -> ToolTraits:
-        """What the policy looks at. Only the robot itself can be believed to preview."""
-        can_preview = self.server is None and PREVIEW_ARGUMENT in self.parameters.get("properties", {})
-        return ToolTraits(self.name, self.read_only, can_preview)
+        """What the policy looks at."""
+        return ToolTraits(self.name, self.read_only, self.can_preview)
+
+    @property
+    def can_preview(self) -> bool:
+        """Whether it can be called to act not at all. Only the robot itself can be believed to."""
+        return self.server is None and self.preview is not None
 
     @property
     def schema(self) -> dict[str, Any]:
@@ -137,9 +143,13 @@ class ToolServer:
         return self._tools
 
     async def call(
-        self, name: str, arguments: dict[str, Any], on_progress: ProgressCallback | None = None
+        self,
+        name: str,
+        arguments: dict[str, Any],
+        on_progress: ProgressCallback | None = None,
+        meta: Mapping[str, Any] | None = None,
     ) -> ToolResult:
-        """Run a tool to its end. Cancelling this cancels the tool, which halts a robot.
+        """Run a tool to its end; `meta` goes with the call. Cancelling this cancels the tool, which halts a robot.
 
         Raises `ServerUnavailable` when the server is gone; a tool that fails is a result with `failed`.
         """
@@ -150,8 +160,9 @@ class ToolServer:
                 on_progress(Progress(progress / total if total else None, message or ""))
 
         try:
-            async with sign_of_life.given(client, self._sign_asked_by(name)) as meta:
-                result = await client.call_tool(name, arguments, progress_callback=report, meta=meta)
+            async with sign_of_life.given(client, self._sign_asked_by(name)) as sign:
+                both = cast("mcp_types.RequestParamsMeta", {**(meta or {}), **(sign or {})})
+                result = await client.call_tool(name, arguments, progress_callback=report, meta=both or None)
         except (MCPError, RuntimeError) as error:
             if await self._still_there(client):  # cutting it off would end what it does for others, as a drive
                 return ToolResult(True, [{"type": "text", "text": _refusal(error)}], None)
@@ -279,7 +290,14 @@ def _tool(described: mcp_types.Tool) -> Tool:
         title_template=template if isinstance(template, str) else None,
         read_only=notes.read_only_hint if notes else None,
         sign_of_life=sign_of_life.Asked.of(meta),
+        preview=_flag(meta.get(_PREVIEW_META), described.input_schema),
     )
+
+
+def _flag(name: object, schema: Mapping[str, Any]) -> str | None:
+    """The flag that a tool's `_meta` names, if the tool has it."""
+    flag = (schema.get("properties") or {}).get(name) if isinstance(name, str) else None
+    return str(name) if isinstance(flag, dict) and flag.get("type") == "boolean" else None
 
 
 def _as_acp(block: mcp_types.ContentBlock) -> dict[str, Any] | None:

@@ -23,7 +23,7 @@ from backend.agent.policy import MODES, Decision, Policy
 from backend.agent.robot_link import RobotLink
 from backend.agent.session import Listener, Session
 from backend.agent.store import Store
-from backend.agent.tool_server import PREVIEW_ARGUMENT, Progress, ServerUnavailable, Tool, ToolResult, ToolServer
+from backend.agent.tool_server import Progress, ServerUnavailable, Tool, ToolResult, ToolServer
 from backend.identity import Identity
 
 log = logging.getLogger(__name__)
@@ -51,8 +51,8 @@ class Workbench:
     answer_timeout_s: float
     four_eyes: frozenset[str] = frozenset()
     """Tools that somebody else than the asker must approve."""
-    preview: str = PREVIEW_ARGUMENT
-    """The argument with which a tool only shows what it would do, before people are asked; empty: none does."""
+    preview: bool = True
+    """Whether a tool that can shows what it would do before people are asked."""
     infer: Infer = model.stream
 
 
@@ -75,6 +75,8 @@ class Turn:
     _lost: str | None = None
     """Why the robot was taken away, as the first half of a sentence."""
     _named: str | None = None
+    _rehearsed: bool = False
+    """Whether the robot may draw a way for people who are asked about the call at hand."""
     _phases: Phases = field(init=False)
     """Begins with the turn, which may have waited for others before."""
     _inferences: Inferences = field(init=False)
@@ -201,17 +203,27 @@ class Turn:
         arguments = call.arguments
         mode = self.session.row.mode
         shows = self.bench.policy.previews(mode, tool.traits)
-        if shows:
-            arguments = arguments | {PREVIEW_ARGUMENT: True}
+        if shows and tool.preview:
+            arguments = arguments | {tool.preview: True}
         looks = shows or tool.read_only is True
         status: present.ToolStatus = "in_progress" if looks else "pending"
         phase = phase_of(tool.traits, looks)
         self.session.record(present.tool_call(call_id, tool, arguments, status, phase))
         if not looks:
             await self._take_control(call_id, tool)
-        if not shows and not await self._allowed(call_id, tool, arguments):
-            return
-        await self._execute(call_id, tool, arguments, phase, looks)
+        try:
+            if shows or await self._allowed(call_id, tool, arguments):
+                await self._execute(call_id, tool, arguments, phase, looks, self._drawn(call_id) if shows else None)
+        finally:
+            if self._rehearsed:  # however it ended
+                self._rehearsed = False
+                await self.bench.link.forget_preview(call_id)
+
+    def _drawn(self, call_id: str) -> dict[str, Any] | None:
+        """The `_meta` of a call that only shows its way: while another turn has the robot, people may be asked about
+        that one's, and this must not be drawn over it."""
+        free = self.bench.lease.holder in (None, self._claim)
+        return preview.drawn_for(call_id) if free else None
 
     async def _take_control(self, call_id: str, tool: Tool) -> None:
         """Hold the robot from the first action to the end of the turn; wait, and say for whom, while another has it.
@@ -274,20 +286,31 @@ class Turn:
         asker = self.asker.name
         not_by = asker if tool.name in bench.four_eyes else None
         desk = self.session.desk
+        preview.not_stopped(tool, bench.link.state)
         if not desk.attended(not_by):
             return Verdict(False, "nobody")
-        async with preview.shown(bench.tools, bench.link, self._phases, bench.preview, tool, arguments) as view:
-            # Those who are not asked, as the visitor who wants it, see why nothing happens.
-            waits = {"for": "permission", "timeout_s": desk.timeout_s}
-            self.session.record(present.tool_waits(call_id, "waiting for somebody who may allow it", waits))
-            # A question must not overtake the announcement of the call that it is about.
-            await self.session.flushed()
-            with self._phases.during("person"):
-                verdict = await desk.ask(self.session.id, shown, tool.title, asker, not_by, view.meta)
-            view.stays = verdict.allowed and self._decide(tool) != "deny"
-        return verdict
+        way: dict[str, Any] | None = None
+        if bench.preview and tool.can_preview:
+            self._rehearsed = True
+            with self._phases.during("tools"):
+                way = await preview.rehearsed(bench.tools, tool, arguments, call_id)
+        # Those who are not asked, as the visitor who wants it, see why nothing happens.
+        waits = {"for": "permission", "timeout_s": desk.timeout_s}
+        self.session.record(present.tool_waits(call_id, "waiting for somebody who may allow it", waits))
+        # A question must not overtake the announcement of the call that it is about.
+        await self.session.flushed()
+        with self._phases.during("person"):
+            return await desk.ask(self.session.id, shown, tool.title, asker, not_by, way)
 
-    async def _execute(self, call_id: str, tool: Tool, arguments: dict[str, Any], phase: Phase, looks: bool) -> None:
+    async def _execute(
+        self,
+        call_id: str,
+        tool: Tool,
+        arguments: dict[str, Any],
+        phase: Phase,
+        looks: bool,
+        meta: dict[str, Any] | None,
+    ) -> None:
         if not looks:
             self._acted = True
             self.session.record(present.tool_status(call_id, "in_progress"))
@@ -300,9 +323,11 @@ class Turn:
                 last = now
                 self.session.record(present.tool_progress(call_id, progress))
 
-        server = self.bench.tools if tool.server is None else self.session.offered
         with self._phases.during(phase):
-            result = await server.call(tool.name, arguments, show)
+            if tool.server is None:
+                result = await self.bench.tools.call(tool.name, arguments, show, meta)
+            else:
+                result = await self.session.offered.call(tool.name, arguments, show)
         self._end(call_id, present.tool_result(call_id, result))
 
     def _lose(self, why: str) -> None:

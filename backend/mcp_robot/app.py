@@ -44,8 +44,7 @@ def create_app(pilot: Pilot, tools: RobotServer, token: bytes, host: str) -> Sta
         return JSONResponse({"stopped": None})
 
     async def forget_preview(request: Request) -> JSONResponse:
-        pilot.forget_preview()
-        return JSONResponse({"preview": None})
+        return JSONResponse({"preview": pilot.forget_preview(request.path_params["id"])})
 
     # Access has checked Host and Origin already, and for more than loopback.
     security = TransportSecuritySettings(enable_dns_rebinding_protection=False)
@@ -61,7 +60,7 @@ def create_app(pilot: Pilot, tools: RobotServer, token: bytes, host: str) -> Sta
             Route("/health", health),
             Route("/stop", stop, methods=["POST"]),
             Route("/release", release, methods=["POST"]),
-            Route("/preview", forget_preview, methods=["DELETE"]),
+            Route("/preview/{id}", forget_preview, methods=["DELETE"]),
             WebSocketRoute("/telemetry", stream.serve),
             *mcp.routes,
         ],

@@ -23,6 +23,7 @@ from backend.mcp_robot import safety
 from backend.mcp_robot.grid import Floats
 from backend.mcp_robot.guard import PERIOD, Guard
 from backend.mcp_robot.places import at_dock
+from backend.mcp_robot.preview import Preview
 from backend.mcp_robot.refusal import Halted, Refusal
 from backend.mcp_robot.robot import Picture, Robot, Route, Sound
 from backend.mcp_robot.stop import StopLatch
@@ -36,6 +37,8 @@ STALE_AFTER = 1.0
 """Seconds on the robot's clock after which a pose is old."""
 PROTECTIVE = frozenset({"blocked", "lost"})
 """Codes with which a robot itself ends a motion for safety's sake; any other is a failure of its parts."""
+PREVIEW_AGE = 300.0
+"""Seconds of wall time after which a preview goes: whoever asked for it may be gone. Longer than people are asked."""
 REST_TIME = 3.0
 """Seconds that a robot may take to come to rest before whoever it refused is answered all the same."""
 
@@ -78,6 +81,7 @@ class Pilot:
         self._veto: Refusal | None = None  # set when the way of the motion under way became one that is refused
         self._intent: _Intent | None = None  # from a motion's first rule to its end
         self._planners = asyncio.Semaphore(MOST_PLANS)
+        self._preview: str | None = None  # whose way is drawn or being computed, until it is taken back
         self._brakings = 0  # how often brake was called: what began before one must not go on after it
         self.halted: Halt | None = None  # from a motion that ended by itself for safety's sake to the next one's begin
         self.speaking: str | None = None  # what is being said, while it is
@@ -108,34 +112,50 @@ class Pilot:
             self.motion, self.stopped, self.speaking, self.halted,
         )  # fmt: skip
 
-    async def plan(self, goal: Pose, *, final_yaw: bool) -> Route:
-        """Compute the way to a goal and show it. Moves nothing. Raises `Refusal`."""
+    async def plan(self, goal: Pose, *, final_yaw: bool, preview: Preview | None = None) -> Route:
+        """Compute the way to a goal, and draw it for a `preview`. Moves nothing. Raises `Refusal`."""
         safety.finite(x=goal.x, y=goal.y, yaw=goal.yaw)
-        route = await self._plan(goal, final_yaw)
-        if self._intent is None:  # the path that is being driven matters more
+        if preview is None:
+            return await self._plan(goal, final_yaw)
+        if preview.rehearsal:
+            self._may_move(goal)
+        self._drop_preview()  # the newest counts, and the one before does not come back
+        self._preview = preview.id
+        try:
+            route = await self._plan(goal, final_yaw)
+        except BaseException:
+            self.forget_preview(preview.id)
+            raise
+        # It may have been taken back meanwhile; and the path that is being driven matters more.
+        if self._preview == preview.id and self._intent is None:
             self._show(route.points, preview=True)
+            asyncio.get_running_loop().call_later(PREVIEW_AGE, self.forget_preview, preview.id)
         return route
 
-    def forget_preview(self) -> None:
-        """Show a way that was only computed no longer; one that is being driven stays."""
+    def forget_preview(self, own: str) -> str | None:
+        """Draw the way with this id no longer; one of another id, and one that is being driven, stays. Returns whose
+        is drawn now."""
+        if self._preview == own:
+            self._drop_preview()
+        return self._preview
+
+    def _drop_preview(self) -> None:
+        self._preview = None
         if self.path.preview:
             self._show((), preview=False)
 
     async def navigate(self, goal: Pose, *, final_yaw: bool, place: Place | None = None) -> tuple[Route, Leg]:
         """Drive to a goal; returns there. Raises `Refusal`. Cancelling brakes."""
         safety.finite(x=goal.x, y=goal.y, yaw=goal.yaw)
-        try:
-            with self._motion(_Intent("navigate", goal, place.name if place else None), goal) as brakings:
-                route = await self._plan(goal, final_yaw)
-                self._not_braked_since(brakings)
-                self._show(route.points, preview=False)
-                try:
-                    to_dock = at_dock(goal, self.robot.places)
-                    return route, await self._run(self.robot.drive(route), brakings, to_dock=to_dock)
-                finally:
-                    self._show((), preview=False)
-        finally:
-            self.forget_preview()  # of a drive that was refused before it had a way of its own
+        with self._motion(_Intent("navigate", goal, place.name if place else None), goal) as brakings:
+            route = await self._plan(goal, final_yaw)
+            self._not_braked_since(brakings)
+            self._show(route.points, preview=False)
+            try:
+                to_dock = at_dock(goal, self.robot.places)
+                return route, await self._run(self.robot.drive(route), brakings, to_dock=to_dock)
+            finally:
+                self._show((), preview=False)
 
     async def rotate(self, degrees: float) -> Leg:
         """Turn on the spot, counter-clockwise positive; returns when done. Raises `Refusal`. Cancelling brakes."""
@@ -291,11 +311,10 @@ class Pilot:
     def _motion(self, intent: _Intent, goal: Pose | None) -> Iterator[int]:
         """The rules that every motion has to pass, and the promise that it does not outlive this block. Yields how
         often somebody had braked: a motion that begins later has to find the same number."""
-        safety.not_stopped(self.stopped)
-        safety.idle(self._intent.activity if self._intent else None)
-        safety.battery_suffices(self.robot.battery, goal, self.robot.places, self.limits)
+        self._may_move(goal)
         self._motions.take(self.robot.clock())
         self._intent, self._veto, self.halted = intent, None, None
+        self._drop_preview()  # what moves is not what was only computed
         arrived = False
         try:
             yield self._brakings
@@ -306,6 +325,12 @@ class Pilot:
             if not arrived:
                 self.robot.halt()
             self._intent = None
+
+    def _may_move(self, goal: Pose | None) -> None:
+        """What every motion has to pass before anything is computed, apart from how often it may begin."""
+        safety.not_stopped(self.stopped)
+        safety.idle(self._intent.activity if self._intent else None)
+        safety.battery_suffices(self.robot.battery, goal, self.robot.places, self.limits)
 
     def _not_braked_since(self, brakings: int) -> None:
         # A stop that was pressed and released meanwhile counts: a release never lets a motion begin.

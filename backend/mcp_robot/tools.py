@@ -25,7 +25,7 @@ from mcp_types import (
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
 from backend import __version__, telemetry
-from backend.mcp_robot import places, results, watchdog
+from backend.mcp_robot import places, preview, results, watchdog
 from backend.mcp_robot.pilot import STALE_AFTER, Pilot
 from backend.mcp_robot.progress import accompanied
 from backend.mcp_robot.refusal import Refusal
@@ -39,7 +39,7 @@ GO = ToolAnnotations(read_only_hint=False, destructive_hint=False, idempotent_hi
 """Going to the same place twice changes nothing; the world that it moves in is open."""
 ACT = ToolAnnotations(read_only_hint=False, destructive_hint=False, idempotent_hint=False, open_world_hint=True)
 
-PlanOnly = Annotated[bool, Field(description="only compute and show the path; move nothing")]
+PlanOnly = Annotated[bool, Field(description="only compute the path; move nothing")]
 
 INSTRUCTIONS = """\
 You move a real or simulated service robot called {name} in a building. Look before you act: get_topological_map lists
@@ -171,6 +171,7 @@ def _sign_of_life(pilot: Pilot) -> dict[str, Any]:
 
 def _add_moving(server: RobotServer, pilot: Pilot) -> None:
     sign = _sign_of_life(pilot)
+    plans = {preview.META: "plan_only"}
 
     async def go(
         context: Context, goal: telemetry.Pose, final_yaw: bool, place: telemetry.Place | None, plan_only: bool
@@ -178,7 +179,7 @@ def _add_moving(server: RobotServer, pilot: Pilot) -> None:
         robot = pilot.robot
         name = place.name if place else None
         if plan_only:
-            route = await pilot.plan(goal, final_yaw=final_yaw)
+            route = await pilot.plan(goal, final_yaw=final_yaw, preview=preview.asked(context.request_context.meta))
             pose, distance, seconds = robot.fix.pose, 0.0, 0.0
         else:
             async with accompanied(context, server.callers, pilot.limits, moving=pilot):
@@ -195,7 +196,7 @@ def _add_moving(server: RobotServer, pilot: Pilot) -> None:
             plan_only=plan_only,
         )
 
-    @server.tool(title="Drive to a pose", annotations=GO, meta={TITLE: "Drive to ({x}, {y})", **sign})
+    @server.tool(title="Drive to a pose", annotations=GO, meta={TITLE: "Drive to ({x}, {y})", **sign, **plans})
     async def navigate_to_pose(
         ctx: Context,
         x: Annotated[float, Field(description="m in the map frame")],
@@ -206,7 +207,7 @@ def _add_moving(server: RobotServer, pilot: Pilot) -> None:
         """Drive to a point of the map, around walls and furniture; returns when the robot is there."""
         return await go(ctx, telemetry.Pose(x, y, yaw or 0.0), yaw is not None, None, plan_only)
 
-    @server.tool(title="Drive to a place", annotations=GO, meta={TITLE: "Drive to {place}", **sign})
+    @server.tool(title="Drive to a place", annotations=GO, meta={TITLE: "Drive to {place}", **sign, **plans})
     async def navigate_to_place(
         ctx: Context,
         place: Annotated[str, Field(description="id or name from get_topological_map", max_length=200)],

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import asyncio
 import time
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from backend.agent import extensions
+from backend.agent.rights import Rights
 from backend.chat.link import RefusedError
 from backend.identity import Role
 from tests.agent.conftest import Opener
@@ -59,3 +63,33 @@ async def test_who_may_not_see_a_session_reads_nothing_of_its_log(robot: Robot, 
     stranger = await connect(robot.token("Otto", Role.VISITOR))
     with pytest.raises(RefusedError, match="There is no session"):
         await stranger.link.request("_robot/events", {"sessionId": client.session})
+
+
+class Everyone(Rights):
+    """Whoever asks may see every session."""
+
+    def __init__(self) -> None:
+        pass
+
+    async def session(self, session_id: str) -> Any:
+        return session_id
+
+
+async def test_a_connection_reads_one_page_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    reading: list[object] = []
+    most = 0
+
+    async def read(_: object, session: object, params: dict[str, Any]) -> dict[str, Any]:
+        nonlocal most
+        reading.append(session)
+        most = max(most, len(reading))
+        await asyncio.sleep(0)
+        reading.remove(session)
+        return params
+
+    monkeypatch.setattr(extensions, "event_page", read)
+    house = SimpleNamespace(sessions=None)
+    ours = extensions.Extensions(house, Everyone(), lambda _: None)  # type: ignore[arg-type] # nothing else is asked
+    asked = [{"sessionId": "s1", "after": after} for after in range(20)]
+    assert await asyncio.gather(*(ours.call("robot/events", params) for params in asked)) == asked
+    assert most == 1

@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from backend.agent.lease import Claim, Lease
+from backend.agent.lease import Claim, Lease, SomebodyElse
 from backend.chat.link import RefusedError
 from backend.identity import Role
 from tests.agent.conftest import Opener
@@ -50,10 +50,37 @@ def test_taking_over_ends_the_holder_and_puts_the_session_first() -> None:
     assert lease.holder is c
 
 
+def test_whoever_is_taken_over_is_the_one_who_was_meant() -> None:
+    lost: list[str] = []
+    lease, a, b, c = Lease(), claim("a", lost), claim("b", lost), claim("c", lost)
+    for x in (a, b, c):
+        lease.ask(x)
+    lease.release(a)
+    with pytest.raises(SomebodyElse) as error:
+        lease.take_over("c", "Sue", meant="a")
+    assert error.value.holder == "owner of b"
+    assert lost == []
+    assert lease.waiting == (c,)
+    assert lease.take_over("c", "Sue", meant="b") is b
+    lease.release(b)
+    lease.release(c)
+    assert lease.take_over(None, "Sue", meant="c") is None  # nobody has it any more
+
+
+def test_a_line_keeps_its_order_when_somebody_else_was_meant() -> None:
+    lease, a, b, c = Lease(), claim("a"), claim("b"), claim("c")
+    for x in (a, b, c):
+        lease.ask(x)
+    with pytest.raises(SomebodyElse):
+        lease.take_over("c", "Sue", meant="b")
+    assert lease.waiting == (b, c)
+
+
 async def test_the_second_waits_with_a_reason_and_a_supervisor_takes_over(robot: Robot, connect: Opener) -> None:
     ana, ben = await connect(robot.token("Ana", Role.OPERATOR)), await connect(robot.token("Ben", Role.OPERATOR))
     asks = {"_meta": {"robot-acp/telemetry": {"rate": 10}}}
     sue = await connect(robot.token("Sue", Role.SUPERVISOR), capabilities=asks)
+    vic = await connect(robot.token("Vic", Role.VISITOR), capabilities=asks)
     held = await ana.new()
     session = await ben.new()
     async with robot.watched() as watched:
@@ -61,11 +88,18 @@ async def test_the_second_waits_with_a_reason_and_a_supervisor_takes_over(robot:
         await watched.until(lambda: watched.speed > 0.3, "the robot to drive")
         second = asyncio.create_task(ben.prompt("turn left by 20 degrees"))
         await eventually(lambda: any("which Ana has now" in str(u) for u in ben.updates), "the reason to wait")
-        line = {"sessionId": held, "by": "Ana", "waiting": [{"sessionId": session, "by": "Ben"}]}
-        await eventually(lambda: sue.heard[-1].get("params", {}).get("turn") == line, "the line, as everybody is told")
+        line = {"sessionId": held, "by": "Ana", "queue": 1}
+        await eventually(lambda: vic.heard[-1].get("params", {}).get("turn") == line, "the line, as everybody is told")
+        line["waiting"] = [{"sessionId": session, "by": "Ben"}]
+        await eventually(lambda: sue.heard[-1].get("params", {}).get("turn") == line, "the line, with names")
         with pytest.raises(RefusedError, match="may not take over"):
             await ben.link.request("_robot/take_over", {"sessionId": session})
-        assert (await sue.link.request("_robot/take_over", {"sessionId": session}))["from"] == "Ana"
+        with pytest.raises(RefusedError, match="Ana has the robot now"):
+            await sue.link.request("_robot/take_over", {"sessionId": session, "from": session})
+        with pytest.raises(RefusedError, match="from must be the id of a session"):
+            await sue.link.request("_robot/take_over", {"sessionId": session, "from": 5})
+        took = await sue.link.request("_robot/take_over", {"sessionId": session, "from": held})
+        assert took["from"] == "Ana"
         assert await first == "cancelled"
         assert "Sue took the robot over" in ana.said
         assert [m for u in ana.updates if (m := (u.get("_meta") or {}).get("robot-acp/taken_over"))] == [{"by": "Sue"}]

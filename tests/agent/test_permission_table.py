@@ -264,7 +264,7 @@ WAYS_TO_SAY_NO = {
     choosing_what_was_never_offered: "nobody is there who may allow it",
     answering_with_no_outcome: "nobody is there who may allow it",
     answering_with_an_error: "nobody is there who may allow it",
-    leaving: "nobody is there who may allow it",
+    leaving: "nobody answered in time",  # that time is shorter than they are waited for
     not_answering_while_those_do_who_may_not: "nobody answered in time",
     changing_ones_mind: "refused by Sue",
     being_second: "refused by Sue",

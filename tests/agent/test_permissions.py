@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from backend.agent import permissions
 from backend.agent.permissions import PermissionDesk, Verdict, read_answer
 
 CALL = {"toolCallId": "t1", "title": "Say aloud: “Hi.”"}
@@ -169,12 +170,73 @@ async def test_no_answer_in_time_refuses(ana: Person) -> None:
     assert await Desk(ana, timeout_s=0.05).ask() == Verdict(False, "timeout")
 
 
-async def test_when_the_last_one_leaves_it_is_refused(ana: Person) -> None:
+async def test_when_the_last_one_leaves_and_does_not_come_back_it_is_refused(
+    ana: Person, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(permissions, "GRACE_S", 0.05)
     desk = Desk(ana)
     question = desk.ask()
     await asked(ana)
     desk.desk.detach(ana)
     assert await question == Verdict(False, "nobody")
+    assert await desk.ask() == Verdict(False, "nobody")  # nobody is expected any more
+
+
+async def test_one_whose_login_has_ended_is_not_waited_for(ana: Person) -> None:
+    desk = Desk(ana)
+    question = desk.ask()
+    await asked(ana)
+    ana.may_approve = False
+    desk.desk.detach(ana)
+    assert await question == Verdict(False, "nobody")
+
+
+async def test_the_last_one_who_comes_back_is_asked_again(ana: Person) -> None:
+    desk = Desk(ana)
+    question = desk.ask()
+    await asked(ana)
+    desk.desk.detach(ana)
+    again = Person("Ana")
+    desk.desk.attach(again)
+    await asked(again)
+    assert again.asked is not None
+    again.asked.set_result(chosen("allow_once"))
+    assert await question == Verdict(True, "selected", "allow_once", "Ana")
+
+
+async def test_what_is_asked_while_they_are_away_waits_for_them(ana: Person) -> None:
+    desk = Desk(ana)
+    desk.desk.detach(ana)
+    question = desk.ask()
+    again = Person("Ana")
+    await asyncio.sleep(0)
+    desk.desk.attach(again)
+    await asked(again)
+    assert again.asked is not None
+    again.asked.set_result(chosen("reject_once"))
+    assert (await question).by == "Ana"
+
+
+async def test_a_connection_that_breaks_is_somebody_who_may_come_back(ana: Person) -> None:
+    desk = Desk(ana)
+    question = desk.ask()
+    await asked(ana)
+    assert ana.asked is not None
+    ana.asked.set_exception(ConnectionError("gone"))
+    await asyncio.sleep(0)
+    desk.desk.detach(ana)
+    again = Person("Ana")
+    desk.desk.attach(again)
+    await asked(again)
+    assert again.asked is not None
+    again.asked.set_result(chosen("allow_once"))
+    assert (await question).allowed
+
+
+async def test_whoever_asked_is_not_waited_for_where_somebody_else_has_to_agree(ana: Person) -> None:
+    desk = Desk(ana)
+    desk.desk.detach(ana)
+    assert await desk.desk.ask("s1", CALL, "speech", "Ana", not_by="Ana") == Verdict(False, "nobody")
 
 
 async def test_one_who_opens_the_session_again_is_asked_again_and_refuses_nothing_by_that(ana: Person) -> None:

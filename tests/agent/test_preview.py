@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import asyncio
+import sys
+from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from backend.agent import preview
-from backend.agent.phases import Phases
-from backend.agent.robot_link import RobotLink
 from backend.agent.tool_server import ProgressCallback, ServerUnavailable, Tool, ToolResult, ToolServer
 from tests.agent.conftest import Opener
 from tests.processes import Client, Robot, eventually
 
-FLAG = {"type": "object", "properties": {"place": {"type": "string"}, "plan_only": {"type": "boolean"}}}
-DRIVE = Tool("navigate_to_place", "Drive", FLAG, "Drive", None, False)
+DRIVE = Tool("navigate_to_place", "Drive", {}, "Drive", None, False, preview="plan_only")
+ACTING = Path(__file__).parent / "acting_robot.py"
 
 
 async def asking(client: Client) -> Client:
@@ -68,6 +69,44 @@ async def test_nobody_is_asked_for_what_the_robot_would_refuse(client: Client) -
     assert end["rawOutput"]["error"]["code"] == "occupied"
 
 
+@pytest.mark.parametrize("words", ["go to the kitchen", "turn left by 20 degrees", "say hello"])
+async def test_nobody_is_asked_while_the_stop_is_set(robot: Robot, client: Client, words: str) -> None:
+    async with robot.watched() as watched:
+        await client.link.request("_robot/stop", {})
+        await watched.until(lambda: watched.state.stop, "the stop")
+        await client.prompt(words)
+        await client.link.request("_robot/release", {})
+        assert watched.previews == 0
+    assert client.questions == []
+    (end,) = [u for u in client.of("tool_call_update") if u.get("status") == "failed"]
+    assert end["rawOutput"]["error"]["code"] == "stopped"
+
+
+async def test_a_look_into_another_way_is_not_drawn_over_that_of_a_question(
+    robot: Robot, client: Client, connect: Opener
+) -> None:
+    other = await connect(answer=None)
+    await other.new()
+    await other.link.request("session/set_mode", {"sessionId": other.session, "modeId": "plan"})
+    async with robot.watched() as watched:
+        turn = client.later(client.prompt("go to the kitchen"))
+        await watched.until(lambda: client.questions and watched.preview, "the question and the way")
+        await other.prompt("go to lab 2.3.7")
+        assert "I did not move." in other.said
+        await client.decide("reject_once")
+        await turn
+        await watched.until(lambda: not watched.preview, "the way to go")
+        assert watched.previews == 1
+
+
+async def test_the_way_goes_with_the_question_that_nobody_answered(robot: Robot, client: Client) -> None:
+    async with robot.watched() as watched:
+        await client.prompt("go to the kitchen")
+        assert "nobody answered in time" in client.said
+        assert watched.previews == 1
+        await watched.until(lambda: not watched.preview, "the way to go")
+
+
 async def test_the_way_goes_with_the_turn_that_was_cancelled(robot: Robot, client: Client) -> None:
     async with robot.watched() as watched:
         turn = client.later(client.prompt("go to the kitchen"))
@@ -87,7 +126,7 @@ async def test_what_was_allowed_for_the_session_needs_no_preview(robot: Robot, c
 
 
 async def test_without_the_setting_people_are_asked_as_before(robot: Robot) -> None:
-    other = robot.with_another_agent({"ROBOT_ACP_AGENT__PREVIEW": ""})
+    other = robot.with_another_agent({"ROBOT_ACP_AGENT__PREVIEW": "false"})
     with other.running("agent", port=other.agent_port):
         client = await asking(await Client.open(f"tcp://127.0.0.1:{other.agent_port}", answer="reject_once"))
         await client.prompt("go to (0.05, 0.05)")
@@ -110,28 +149,21 @@ class Answering(ToolServer):
     def __init__(self, answer: ToolResult | Exception | None) -> None:
         super().__init__("http://127.0.0.1:1/mcp", absent="")
         self.answer = answer
-        self.calls: list[dict[str, Any]] = []
+        self.calls: list[tuple[dict[str, Any], object]] = []
 
     async def call(
-        self, name: str, arguments: dict[str, Any], on_progress: ProgressCallback | None = None
+        self,
+        name: str,
+        arguments: dict[str, Any],
+        on_progress: ProgressCallback | None = None,
+        meta: Mapping[str, Any] | None = None,
     ) -> ToolResult:
-        self.calls.append(arguments)
+        self.calls.append((arguments, meta))
         if self.answer is None:
             await asyncio.Event().wait()
         if isinstance(self.answer, ToolResult):
             return self.answer
         raise self.answer or AssertionError
-
-
-class Forgetful(RobotLink):
-    """Counts how often a preview was taken back."""
-
-    def __init__(self) -> None:
-        super().__init__(None, None)
-        self.forgotten = 0
-
-    async def forget_preview(self) -> None:
-        self.forgotten += 1
 
 
 @pytest.mark.parametrize(
@@ -151,35 +183,34 @@ async def test_a_preview_that_fails_leaves_the_question(
     answer: ToolResult | Exception | None, meta: object, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(preview, "TIMEOUT_S", 0.05)
-    tools, link = Answering(answer), Forgetful()
-    async with preview.shown(tools, link, Phases(), "plan_only", DRIVE, {"place": "dock"}) as view:
-        assert view.meta == meta
-        assert link.forgotten == 0
-    assert tools.calls == [{"place": "dock", "plan_only": True}]
-    assert link.forgotten == 1
+    tools = Answering(answer)
+    assert await preview.rehearsed(tools, DRIVE, {"place": "dock"}, "t.1") == meta
+    asked = {"robot-acp/preview": {"id": "t.1", "rehearsal": True}}
+    assert tools.calls == [({"place": "dock", "plan_only": True}, asked)]
 
 
-async def test_what_goes_on_keeps_its_way() -> None:
-    link = Forgetful()
-    async with preview.shown(Answering(ToolResult(False, [], {})), link, Phases(), "plan_only", DRIVE, {}) as view:
-        view.stays = True
-    assert link.forgotten == 0
+async def test_only_a_tool_whose_server_says_so_is_believed_to_move_nothing(tmp_path: Path) -> None:
+    other = Robot(tmp_path, {"ROBOT_ACP_AGENT__ROBOT_URL": f"stdio:{sys.executable} {ACTING}"})
+    with other.running("agent", port=other.agent_port):
+        client = await asking(await Client.open(f"tcp://127.0.0.1:{other.agent_port}", answer="reject_once"))
+        await client.prompt("turn left by 20 degrees")
+        assert len(client.questions) == 1
+        assert "robot-acp/preview" not in client.questions[0]["params"]["_meta"]
+        mode = {"sessionId": client.session, "modeId": "plan"}
+        await client.link.request("session/set_mode", mode)
+        await client.prompt("turn left by 20 degrees")
+        assert "not allowed in the mode Plan" in client.said
+        await client.prompt("where are you")
+        assert "x 0.0 m, y 0.0 m" in client.said  # it has never moved
+        await client.close()
 
 
 @pytest.mark.parametrize(
-    ("argument", "tool"),
-    [
-        ("", DRIVE),
-        ("dry_run", DRIVE),
-        ("plan_only", replace(DRIVE, server="lab")),
-        ("plan_only", replace(DRIVE, parameters={"properties": {"plan_only": {"type": "string"}}})),
-        ("plan_only", replace(DRIVE, parameters={})),
-    ],
-    ids=["switched off", "another flag", "a client's server", "no flag", "no arguments"],
+    "tool",
+    [replace(DRIVE, preview=None), replace(DRIVE, server="lab")],
+    ids=["says nothing", "a client's server"],
 )
-async def test_only_a_flag_of_the_robots_own_tools_is_set(argument: str, tool: Tool) -> None:
-    tools, link = Answering(ToolResult(False, [], {})), Forgetful()
-    async with preview.shown(tools, link, Phases(), argument, tool, {}) as view:
-        assert view.meta is None
-    assert tools.calls == []
-    assert link.forgotten == 0
+def test_what_cannot_preview(tool: Tool) -> None:
+    assert DRIVE.can_preview
+    assert not tool.can_preview
+    assert not tool.traits.can_preview

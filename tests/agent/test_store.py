@@ -217,6 +217,7 @@ async def test_the_list_has_every_session_once_newest_first(store: Store) -> Non
         ("lab to", ["s2", "s1"]),
         ("ben", ["s2"]),
         ("lab 2 ana", ["s1"]),
+        ("to lab 2 ana nobody", ["s1"]),
         ("%", ["s3"]),
         ("100%_", ["s3"]),
         ("_b", []),
@@ -253,6 +254,15 @@ async def test_a_search_knows_the_letters_of_other_languages_and_sessions_withou
     if isinstance(database, SQLite):  # PostgreSQL follows its locale, which is C in these tests
         assert await listed(store, search="BEGOÑA") == ["s1"]
     await store.close()
+
+
+async def test_what_is_kept_waits_behind_one_search_at_most(store: Store) -> None:
+    await store.add_session(replace(ROW, title="To lab 2"))
+    searches = [asyncio.create_task(listed(store, search="lab")) for _ in range(30)]
+    await asyncio.sleep(0)  # all of them have asked
+    await store.append([event(1)])
+    assert sum(search.done() for search in searches) <= 1
+    await asyncio.gather(*searches)
 
 
 async def test_a_session_without_events_is_not_listed(store: Store) -> None:

@@ -93,7 +93,7 @@ class Reader:
         return found
 
 
-CONTRACT = {"test_tools", "test_stop", "test_telemetry_stream", "test_halted"}
+CONTRACT = {"test_tools", "test_stop", "test_telemetry_stream", "test_halted", "test_preview"}
 """Modules whose tests hold for any robot: they are run against each, unchanged."""
 
 

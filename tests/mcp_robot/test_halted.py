@@ -1,13 +1,11 @@
-"""Telemetry tells of a motion that ended by itself until the next one begins; and a preview can be taken back."""
+"""Telemetry tells of a motion that ended by itself until the next one begins."""
 
 from __future__ import annotations
 
 import asyncio
 from pathlib import Path
 
-from backend.telemetry import Path as Way
-
-from .conftest import Served, serving
+from .conftest import serving
 from .test_tools import call, refused
 
 
@@ -48,37 +46,3 @@ async def test_what_people_end_and_what_never_began_is_not_told_as_halted(tmp_pa
         await http.post("/release")
         await refused(client, "navigate_to_pose", x=5.6, y=3.0)
         assert (await reader.state(lambda s: s.stop is None)).halted is None
-
-
-async def test_a_preview_is_shown_until_it_is_taken_back(robot: Served) -> None:
-    async with robot.mcp() as client, robot.http() as http, robot.telemetry("path") as reader:
-        await call(client, "navigate_to_place", place="kitchen", plan_only=True)
-        await reader.until(lambda m: isinstance(m, Way) and m.preview)
-        assert (await http.delete("/preview")).json() == {"preview": None}
-        await reader.until(lambda m: isinstance(m, Way) and not m.points)
-
-
-async def test_a_way_that_is_driven_is_not_taken_back(tmp_path: Path) -> None:
-    async with (
-        serving(tmp_path, time_scale=1.0) as robot,
-        robot.mcp() as client,
-        robot.http() as http,
-        robot.telemetry("state", "path") as reader,
-    ):
-        driving = asyncio.create_task(client.call_tool("navigate_to_place", {"place": "lab 2.3.7"}))
-        await reader.state(lambda s: s.twist.linear > 0.1)
-        await http.delete("/preview")
-        async with robot.telemetry("path") as late:
-            assert (await late.until(lambda m: isinstance(m, Way))).points
-        driving.cancel()
-        await reader.until(lambda m: isinstance(m, Way) and not m.points)
-
-
-async def test_a_preview_of_a_drive_that_is_refused_goes(robot: Served) -> None:
-    async with robot.mcp() as client, robot.http() as http, robot.telemetry("path") as reader:
-        await call(client, "navigate_to_place", place="kitchen", plan_only=True)
-        await reader.until(lambda m: isinstance(m, Way) and m.preview)
-        await http.post("/stop", params={"by": "Ana"})
-        assert (await refused(client, "navigate_to_place", place="kitchen")).startswith("stopped: ")
-        await reader.until(lambda m: isinstance(m, Way) and not m.points)
-        await http.post("/release")

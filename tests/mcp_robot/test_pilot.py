@@ -11,6 +11,7 @@ import pytest
 
 from backend.config import Limits
 from backend.mcp_robot.pilot import Pilot
+from backend.mcp_robot.preview import Preview
 from backend.mcp_robot.refusal import Refusal
 from backend.mcp_robot.robot import Fix, Route, Sound
 from backend.mcp_robot.simulator.simulated_robot import SimulatedRobot
@@ -77,6 +78,29 @@ async def test_cancelling_while_it_plans_leaves_the_robot_free_for_the_next(robo
         await task
     await pilot.rotate(10)
     assert robot.odometer == 0
+
+
+async def test_a_preview_that_is_taken_back_while_it_is_computed_is_never_drawn(
+    robot: Thoughtful, tmp_path: Path
+) -> None:
+    pilot = Pilot(robot, StopLatch(tmp_path), Limits())
+    late = asyncio.create_task(pilot.plan(KITCHEN, final_yaw=False, preview=Preview("a.1")))
+    await robot.asked.wait()
+    assert pilot.forget_preview("a.1") is None
+    robot.let.set()
+    await late
+    assert not pilot.path.points
+
+
+async def test_a_preview_that_a_newer_one_overtakes_is_never_drawn(robot: Thoughtful, tmp_path: Path) -> None:
+    pilot = Pilot(robot, StopLatch(tmp_path), Limits())
+    late = asyncio.create_task(pilot.plan(KITCHEN, final_yaw=False, preview=Preview("a.1")))
+    await robot.asked.wait()
+    robot.let.set()
+    newer = asyncio.create_task(pilot.plan(Pose(3.0, 2.5, 0.0), final_yaw=False, preview=Preview("b.1")))
+    await asyncio.gather(late, newer)
+    assert pilot.path.preview
+    assert pilot.path.points[-1] == pytest.approx((3.0, 2.5), abs=0.01)
 
 
 @pytest.mark.parametrize("released", [True, False])

@@ -136,16 +136,13 @@ async def test_driving_to_a_pose_takes_up_its_yaw(robot: Served) -> None:
     assert result["place"] is None
 
 
-async def test_plan_only_shows_the_path_and_moves_nothing(robot: Served) -> None:
-    async with robot.mcp() as client, robot.telemetry("state", "path") as reader:
+async def test_plan_only_computes_the_path_and_moves_nothing(robot: Served) -> None:
+    async with robot.mcp() as client, robot.telemetry("state") as reader:
         before = (await reader.state()).pose
         result = await call(client, "navigate_to_place", place="kitchen", plan_only=True)
         assert not result["reached"]
         assert (result["distance"], result["duration_s"]) == (0, 0)
         assert result["path_length"] > 5
-        shown = await reader.until(lambda m: getattr(m, "points", None))
-        assert shown.preview
-        assert shown.points[-1] == pytest.approx((2.9, 9.7), abs=0.01)
         for _ in range(5):
             state = await reader.state()
             assert state.pose == before

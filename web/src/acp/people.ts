@@ -39,14 +39,18 @@ function parsePerson(value: unknown): Person[] {
   ];
 }
 
-/** Ends the turn that controls the robot; `next`, if it waits for the robot, has it then. */
-export async function takeOver(next: string | null): Promise<void> {
+/** Ends the turn of `from` if it still controls the robot; `next`, if it waits for the robot, has it then. */
+export async function takeOver(next: string | null, from: string): Promise<void> {
   try {
-    const answer = await theAgent()?.request("_robot/take_over", next === null ? {} : { sessionId: next });
+    const session = next === null ? {} : { sessionId: next };
+    const answer = await theAgent()?.request("_robot/take_over", { ...session, from });
     if (isRecord(answer) && answer["from"] === null) {
       toast("info", i18next.t("people.hadNobody", { robot: robotName(getState()) }));
     }
   } catch (error) {
-    if (error instanceof RequestError) toast("danger", error.message);
+    if (!(error instanceof RequestError)) return;
+    const holder = isRecord(error.data) ? asString(error.data["holder"]) : null;
+    if (holder === null) toast("danger", error.message);
+    else toast("info", i18next.t("people.changedHands", { robot: robotName(getState()), name: holder }));
   }
 }

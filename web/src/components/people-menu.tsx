@@ -18,6 +18,8 @@ export function PeopleMenu() {
   const [open, setOpen] = useState(false);
   const taking = useRef(false);
   const { ask, dialog } = useTakeOver(waitingSession(turn?.waiting, me.name));
+  // Else it would open by itself when the connection is back.
+  if (people === null && open) setOpen(false);
   if (people === null) return <Holder />;
   return (
     <>

@@ -36,7 +36,9 @@ export function useTakeOver(next: string | null): { ask: () => void; dialog: Rea
       no={t("people.leaveIt")}
       yes={t("people.takeOver")}
       testId="take-over-confirm"
-      onYes={() => void takeOver(next)}
+      onYes={() => {
+        if (meant !== null) void takeOver(next, meant);
+      }}
     />
   );
   return { ask: () => setMeant(turn?.sessionId ?? null), dialog };

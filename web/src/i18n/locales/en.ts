@@ -139,6 +139,7 @@ const en = {
     thenTheirs: "{{robot}} stops, and then does what {{name}} asked for.",
     leaveIt: "Leave it",
     hadNobody: "Nobody has {{robot}} any more.",
+    changedHands: "Nothing was taken over: {{name}} has {{robot}} now.",
     awaited: "Waiting until {{robot}} is free",
     awaitedFrom: "Waiting: {{name}} has {{robot}}",
     awaitedOwn: "Waiting: {{robot}} is at work in your other session",

@@ -1,0 +1,68 @@
+"""A page that is loaded again answers nothing by that: the question of its session is there when it is back."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Iterator
+
+import pytest
+
+from backend.identity import Role
+from tests.processes import Client, Robot, eventually
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
+    """A robot whose people have as long for an answer as they have by default."""
+    robot = Robot(tmp_path_factory.mktemp("data"))
+    with (
+        robot.running("robot", "--time-scale", "20", port=robot.robot_port),
+        robot.running("agent", port=robot.agent_port),
+    ):
+        yield robot
+
+
+async def page(robot: Robot, name: str, role: Role) -> Client:
+    client = await Client.open(f"tcp://127.0.0.1:{robot.agent_port}", answer=None)
+    token = {"robot-acp/token": robot.token(name, role)}
+    await client.link.request("authenticate", {"methodId": "token", "_meta": token})
+    return client
+
+
+@pytest.fixture
+async def vera(robot: Robot) -> AsyncIterator[Client]:
+    """A visitor with a session of her own."""
+    client = await page(robot, "Vera", Role.VISITOR)
+    await client.new()
+    yield client
+    await client.close()
+
+
+@pytest.fixture
+async def sue(robot: Robot, vera: Client) -> Client:
+    """A supervisor who watches the visitor's session, and nobody else does."""
+    client = await page(robot, "Sue", Role.SUPERVISOR)
+    await client.load(vera.session)
+    return client
+
+
+async def test_whoever_loads_the_page_again_finds_the_question(robot: Robot, vera: Client, sue: Client) -> None:
+    turn = vera.later(vera.prompt("say hello"))
+    await eventually(lambda: sue.questions, "the question")
+    await sue.close()
+    back = await page(robot, "Sue", Role.SUPERVISOR)
+    await back.load(vera.session)
+    await eventually(lambda: back.questions, "the question, put anew")
+    assert back.questions[0]["params"] == sue.questions[0]["params"]
+    async with robot.watched() as watched:
+        await back.decide("allow_once")
+        assert await turn == "end_turn"
+        assert watched.spoken == ["Hello."]
+    await back.close()
+
+
+async def test_a_question_for_whoever_does_not_come_back_ends(vera: Client, sue: Client) -> None:
+    turn = vera.later(vera.prompt("say hello"))
+    await eventually(lambda: sue.questions, "the question")
+    await sue.close()
+    assert await turn == "end_turn"
+    assert "nobody is there who may allow it" in vera.said
