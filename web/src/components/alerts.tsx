@@ -6,13 +6,14 @@ import { useShallow } from "zustand/react/shallow";
 import { clock, percent } from "../i18n/format";
 import { alerts, batteryIsLow, isBelowFloor, useHidden, type AlertKind } from "../state/alerts";
 import { robotName, useStore } from "../state/store";
-import { ConnectionBand, RobotBand } from "./connection-band";
+import { ConnectionBand, RobotBand, SilentBand } from "./connection-band";
 import { StopBand, StopFailed } from "./stop-band";
 
 const BANDS: Record<AlertKind, () => React.ReactNode> = {
   "stop-failed": StopFailed,
   stopped: StopBand,
   cut: ConnectionBand,
+  silent: SilentBand,
   "robot-lost": RobotBand,
   halted: HaltBand,
   battery: BatteryBand,

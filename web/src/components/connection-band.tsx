@@ -36,6 +36,18 @@ export function RobotBand() {
   );
 }
 
+/** The line looks open, and nothing comes: whatever was told last may not be so any more. */
+export function SilentBand() {
+  const { t } = useTranslation();
+  const robot = useStore(robotName);
+  return (
+    <section className="band band-plain" data-testid="silent-band" role="status">
+      <Unplug aria-hidden />
+      <p>{t("connection.silent", { robot })}</p>
+    </section>
+  );
+}
+
 /** Not announced each second: the band as a whole was. */
 function Countdown({ until }: { until: number }) {
   const { t } = useTranslation();

@@ -70,6 +70,15 @@ describe("alerts", () => {
     expect(shown({ telemetry: parseTelemetry({ online: false }) })).toEqual(["robot-lost"]);
   });
 
+  it("say that nothing is heard of the robot, and why as far as anybody knows", () => {
+    expect(shown({ heardUntil: 7 })).toEqual(["silent"]);
+    expect(shown({ heardUntil: 7, reachable: false })).toEqual(["cut"]);
+    expect(shown({ telemetry: parseTelemetry({ online: false }), reachable: false })).toEqual(["cut"]);
+    const down = { agent: { up: true, detail: "" }, robot: { up: false, detail: "" }, robotName: null };
+    expect(shown({ health: down, reachable: false })).toEqual(["cut"]);
+    expect(shown({ telemetry: robot({ level: 0.9 }), reachable: false })).toEqual([]);
+  });
+
   it("are two at most, and what is grave is among them", () => {
     const telemetry = robot({ level: 0.05 }, { halted: HALTED });
     expect(shown({ telemetry })).toEqual(["halted", "battery"]);

@@ -5,7 +5,7 @@
 import { create } from "zustand";
 import type { State } from "./store";
 
-export type AlertKind = "stop-failed" | "stopped" | "cut" | "robot-lost" | "halted" | "battery";
+export type AlertKind = "stop-failed" | "stopped" | "cut" | "silent" | "robot-lost" | "halted" | "battery";
 
 /** What the person here has read and hidden. */
 export interface Hidden {
@@ -15,7 +15,7 @@ export interface Hidden {
   battery: number | null;
 }
 
-type Known = Pick<State, "stopError" | "stop" | "link" | "health" | "telemetry">;
+type Known = Pick<State, "stopError" | "stop" | "link" | "reachable" | "heardUntil" | "health" | "telemetry">;
 
 const MOST = 2;
 const LOW_BATTERY = 0.2;
@@ -30,15 +30,20 @@ export function alerts(state: Known, hidden: Hidden): AlertKind[] {
   if (stopError !== null) found.push("stop-failed");
   if (stop !== null) found.push("stopped");
   if (link.status === "waiting" || (link.status === "connecting" && !link.first)) found.push("cut");
-  else if (link.status === "online" && (state.health?.robot.up === false || telemetry?.online === false)) {
-    found.push("robot-lost");
-  }
+  else if (link.status === "online") found.push(...lost(state));
   const minor: AlertKind[] = [];
   const halted = telemetry?.halted ?? null;
   // A stop matters more than what ended the motion before it.
   if (halted !== null && stop === null && halted.at !== hidden.halted) minor.push("halted");
   if (batteryIsLow(telemetry) && batteryIsNews(telemetry, hidden.battery)) minor.push("battery");
   return [...found, ...minor.slice(0, Math.max(0, MOST - found.length))];
+}
+
+/** The line looks open. Telemetry that comes proves that it is, whatever a slow answer to another request seems to say. */
+function lost({ heardUntil, reachable, telemetry, health }: Known): AlertKind[] {
+  if (!reachable && telemetry?.online !== true) return ["cut"];
+  if (heardUntil !== null) return ["silent"];
+  return health?.robot.up === false || telemetry?.online === false ? ["robot-lost"] : [];
 }
 
 type Charge = Pick<NonNullable<State["telemetry"]>, "battery" | "batteryFloor" | "charging"> | null;

@@ -76,6 +76,11 @@ export interface State {
   /** What the robot can do, where a screen asked for that; null until it is known. */
   abilities: Abilities | null;
   telemetry: Telemetry | null;
+  /**
+   * Up to when the robot was heard, in Unix seconds by the agent's clock: its telemetry has ceased, or the connection is
+   * lost. Null while it is heard, and where nobody tells of it.
+   */
+  heardUntil: number | null;
   /** What Stop and Release answered over HTTP, until telemetry knows better. */
   stop: Stop | null;
   stopBusy: boolean;
@@ -105,6 +110,7 @@ export const INITIAL: State = {
   questions: [],
   abilities: null,
   telemetry: null,
+  heardUntil: null,
   stop: null,
   stopBusy: false,
   stopError: null,
