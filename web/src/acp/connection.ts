@@ -5,6 +5,7 @@
 import type { ClientContext, InitializeResponse } from "@agentclientprotocol/sdk";
 import * as http from "../api/http";
 import i18next from "../i18n";
+import { stillHidden } from "../state/alerts";
 import { getState, INITIAL, setState, toast } from "../state/store";
 import { takeToken } from "./address";
 import { agentNow } from "./agent-clock";
@@ -121,7 +122,12 @@ function takeTelemetry(telemetry: Telemetry): void {
   // Of a robot that is not reachable the agent tells once.
   if (telemetry.online) silence = setTimeout(() => hearNothing(agentNow() - SILENCE_MS / 1000), SILENCE_MS);
   const current = telemetry.online && !getState().stopBusy && Date.now() - toldAt > TOLD_MS;
-  setState({ telemetry, heardUntil: null, ...(current ? { stop: telemetry.stop } : {}) });
+  setState(({ hidden }) => ({
+    telemetry,
+    heardUntil: null,
+    hidden: stillHidden(hidden, telemetry),
+    ...(current ? { stop: telemetry.stop } : {}),
+  }));
 }
 
 /** Nothing is known of the robot since `since`: old numbers must not pass for what it does now. */

@@ -2,7 +2,6 @@
  * What has to be said at the top of the screen, and in which order: computed from all that is known, never stored.
  * Two at most. What is cut off tells nothing of the robot, and what is hidden comes back when it is news again.
  */
-import { create } from "zustand";
 import type { State } from "./store";
 
 export type AlertKind = "stop-failed" | "stopped" | "cut" | "silent" | "robot-lost" | "halted" | "battery";
@@ -15,17 +14,24 @@ export interface Hidden {
   battery: number | null;
 }
 
-type Known = Pick<State, "stopError" | "stop" | "link" | "reachable" | "heardUntil" | "health" | "telemetry">;
+type Known = Pick<
+  State,
+  "hidden" | "stopError" | "stop" | "link" | "reachable" | "heardUntil" | "health" | "telemetry"
+>;
 
 const MOST = 2;
 const LOW_BATTERY = 0.2;
 /** A battery that has lost so much more is news. */
 const FURTHER = 0.05;
 
-export const useHidden = create<Hidden>(() => ({ halted: null, battery: null }));
+/** What stays hidden with what is known now: a battery that has recovered is news when it is low again. */
+export function stillHidden(hidden: Hidden, telemetry: State["telemetry"]): Hidden {
+  const recovered = telemetry?.online === true && !batteryIsLow(telemetry);
+  return recovered && hidden.battery !== null ? { ...hidden, battery: null } : hidden;
+}
 
-export function alerts(state: Known, hidden: Hidden): AlertKind[] {
-  const { stopError, stop, link, telemetry } = state;
+export function alerts(state: Known): AlertKind[] {
+  const { hidden, stopError, stop, link, telemetry } = state;
   const found: AlertKind[] = [];
   if (stopError !== null) found.push("stop-failed");
   if (stop !== null) found.push("stopped");

@@ -10,6 +10,7 @@ import type { Preview } from "../acp/meta";
 import type { Person } from "../acp/people";
 import type { Stop, Telemetry } from "../acp/telemetry";
 import type { Health, Me } from "../api/http";
+import type { Hidden } from "./alerts";
 import { EMPTY, type Conversation } from "./conversation";
 
 /** Somebody has to decide. Kept until it is answered, withdrawn or decided by somebody else. */
@@ -87,6 +88,8 @@ export interface State {
   /** Why Stop did not get through; shown loudly. */
   stopError: string | null;
   toasts: Toast[];
+  /** Alerts that the person here has read. */
+  hidden: Hidden;
 }
 
 export const INITIAL: State = {
@@ -115,6 +118,7 @@ export const INITIAL: State = {
   stopBusy: false,
   stopError: null,
   toasts: [],
+  hidden: { halted: null, battery: null },
 };
 
 export const useStore = create<State>(() => INITIAL);
