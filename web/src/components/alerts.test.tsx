@@ -21,7 +21,7 @@ beforeEach(() => setState({ ...INITIAL, ...LOW }));
 
 it("stays hidden over a cut, and is there again after a logout", async () => {
   render(<Alerts />);
-  while (bands() > 0) fireEvent.click(screen.getAllByRole("button", { name: "Hide this" })[0] as HTMLElement);
+  for (const button of screen.getAllByRole("button", { name: "Hide this" })) fireEvent.click(button);
   act(() => setState({ link: { status: "waiting", retryAt: 0 }, telemetry: null }));
   act(() => setState(LOW));
   expect(bands()).toBe(0);
