@@ -286,7 +286,7 @@ const en = {
     charging: "charging",
     noData: "No data from {{robot}} at the moment.",
   },
-  view: { label: "View", follow: "Follow", top: "Top", map: "Map" },
+  view: { label: "View", follow: "Follow", top: "Top", map: "Map", away: "The map is not connected yet." },
   goHere: {
     button: "Go here",
     bar: "Send {{robot}} somewhere",
@@ -297,6 +297,7 @@ const en = {
     toPoint: "Go to the point {{x}}, {{y}}",
     cancel: "Cancel",
     go: "Go",
+    noMap: "The map takes no clicks right now. Choose a place from the list.",
     sent: "Asked: {{what}}",
     viewer: "You may only watch.",
     disconnected: "Not connected. You can ask as soon as the connection is back.",

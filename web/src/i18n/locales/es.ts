@@ -299,7 +299,13 @@ const es = {
     charging: "cargando",
     noData: "En este momento no hay datos de {{robot}}.",
   },
-  view: { label: "Vista", follow: "Seguir", top: "Cenital", map: "Mapa" },
+  view: {
+    label: "Vista",
+    follow: "Seguir",
+    top: "Cenital",
+    map: "Mapa",
+    away: "El mapa aún no está conectado.",
+  },
   goHere: {
     button: "Ir aquí",
     bar: "Enviar a {{robot}} a un sitio",
@@ -310,6 +316,7 @@ const es = {
     toPoint: "Ir al punto x {{x}}; y {{y}}",
     cancel: "Cancelar",
     go: "Ir",
+    noMap: "El mapa no acepta clics en este momento. Elija un lugar de la lista.",
     sent: "Pedido: {{what}}",
     viewer: "Usted solo puede mirar.",
     disconnected: "Sin conexión. Podrá pedirlo en cuanto vuelva.",
