@@ -6,6 +6,7 @@ import { clock, percent } from "../i18n/format";
 import { alerts, isBelowFloor, type AlertKind, type Hidden } from "../state/alerts";
 import { robotName, setState, useStore } from "../state/store";
 import { ConnectionBand, RobotBand, SilentBand } from "./connection-band";
+import { panes } from "./panes";
 import { StopBand, StopFailed } from "./stop-band";
 
 const BANDS: Record<AlertKind, () => React.ReactNode> = {
@@ -70,6 +71,7 @@ function BatteryBand() {
 }
 
 function hide(alert: Partial<Hidden>): void {
+  panes()?.focus();
   setState(({ hidden }) => ({ hidden: { ...hidden, ...alert } }));
 }
 

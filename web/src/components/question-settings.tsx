@@ -32,7 +32,13 @@ export function QuestionSettings() {
         {count > 0 && <span className="question-settings-count" data-count={count} />}
       </Popover.Trigger>
       <Popover.Portal>
-        <Popover.Content className="menu popover" align="end" sideOffset={4} collisionPadding={8}>
+        <Popover.Content
+          className="menu popover"
+          aria-label={t("attention.title", { robot })}
+          align="end"
+          sideOffset={4}
+          collisionPadding={8}
+        >
           <Sections />
         </Popover.Content>
       </Popover.Portal>
