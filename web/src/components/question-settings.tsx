@@ -8,7 +8,7 @@ import { askAllowance, useAllowance } from "../attention/notification";
 import { change, useAttentionSettings } from "../attention/settings";
 import { useLayout } from "../hooks/use-media";
 import { canApprove } from "../state/rights";
-import { robotName, useConversation, useMe, useStore } from "../state/store";
+import { conversationOf, robotName, useMe, useStore } from "../state/store";
 import { Tick } from "./tick";
 
 /** Behind a button where the line at the top has no room for it. */
@@ -18,7 +18,7 @@ export function QuestionSettings() {
   const robot = useStore(robotName);
   const layout = useLayout();
   const silent = useAttentionSettings((settings) => !settings.sound && !settings.notify);
-  const count = Object.keys(useConversation().remembered).length;
+  const count = useStore((state) => Object.keys(conversationOf(state).remembered).length);
   if (!canApprove(me.role)) return null;
   if (layout !== "wide") return <Sections />;
   return (
@@ -101,7 +101,7 @@ function Notifications() {
 
 function Remembered() {
   const { t } = useTranslation();
-  const remembered = Object.entries(useConversation().remembered);
+  const remembered = Object.entries(useStore((state) => conversationOf(state).remembered));
   const titles = useTitles();
   if (remembered.length === 0) return <p className="muted small">{t("attention.rememberedNone")}</p>;
   return (

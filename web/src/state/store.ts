@@ -125,10 +125,9 @@ export const useStore = create<State>(() => INITIAL);
 
 export const { getState, setState } = useStore;
 
-export function useConversation(): Conversation {
-  return useStore((state) =>
-    state.currentId === null ? EMPTY : (state.conversations[state.currentId] ?? EMPTY),
-  );
+/** The conversation on the screen. */
+export function conversationOf({ currentId, conversations }: State): Conversation {
+  return currentId === null ? EMPTY : (conversations[currentId] ?? EMPTY);
 }
 
 export function useMe(): Me {
