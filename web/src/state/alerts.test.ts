@@ -85,6 +85,7 @@ describe("alerts", () => {
     expect(shown({ telemetry: parseTelemetry({ online: false }), reachable: false })).toEqual(["cut"]);
     const down = { agent: { up: true, detail: "" }, robot: { up: false, detail: "" }, robotName: null };
     expect(shown({ health: down, reachable: false })).toEqual(["cut"]);
+    expect(shown({ health: down, heardUntil: 7 })).toEqual(["robot-lost"]);
     expect(shown({ telemetry: robot({ level: 0.9 }), reachable: false })).toEqual([]);
   });
 

@@ -48,8 +48,8 @@ export function alerts(state: Known): AlertKind[] {
 /** The line looks open. Telemetry that comes proves that it is, whatever a slow answer to another request seems to say. */
 function lost({ heardUntil, reachable, telemetry, health }: Known): AlertKind[] {
   if (!reachable && telemetry?.online !== true) return ["cut"];
-  if (heardUntil !== null) return ["silent"];
-  return health?.robot.up === false || telemetry?.online === false ? ["robot-lost"] : [];
+  if (health?.robot.up === false || telemetry?.online === false) return ["robot-lost"];
+  return heardUntil === null ? [] : ["silent"];
 }
 
 type Charge = Pick<NonNullable<State["telemetry"]>, "battery" | "batteryFloor" | "charging"> | null;
