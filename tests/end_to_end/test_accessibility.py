@@ -133,6 +133,11 @@ async def test_what_is_cut_off(stage: Stage, open_plain: Opener) -> None:
             await expect(page.get_by_test_id("robot-band")).to_be_visible()
             await everywhere(page, "the robot is down")
         await expect(page.get_by_test_id("robot-band")).to_have_count(0)
+        with stage.held("agent"):
+            await expect(page.get_by_test_id("silent-band")).to_be_visible()
+            await expect(page.get_by_test_id("robot-state")).to_have_attribute("data-state", "unreachable")
+            await everywhere(page, "nothing is heard of the robot", WIDE, PHONE)
+        await expect(page.get_by_test_id("silent-band")).to_have_count(0)
         with stage.without("agent"):
             await expect(page.get_by_test_id("connection-band")).to_be_visible()
             await everywhere(page, "the agent is down")

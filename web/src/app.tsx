@@ -1,7 +1,6 @@
 /** The page: who is not logged in sees the login, everybody else the dashboard or, at /kiosk, the kiosk. */
-import { lazy, Suspense, useEffect } from "react";
+import { lazy, Suspense } from "react";
 import { useTranslation } from "react-i18next";
-import { begin } from "./acp/connection";
 import { Crash } from "./components/crash";
 import { LoginPage } from "./components/login-page";
 import { isKiosk } from "./screen";
@@ -14,16 +13,6 @@ const Screen = lazy(() => loading);
 
 export function App() {
   const auth = useStore((state) => state.auth);
-
-  useEffect(() => {
-    void begin();
-    // A login link that is opened in a tab where the page already is changes nothing but the fragment.
-    const follow = (): void => {
-      if (window.location.hash.includes("token=")) void begin();
-    };
-    window.addEventListener("hashchange", follow);
-    return () => window.removeEventListener("hashchange", follow);
-  }, []);
 
   if (auth.status === "checking") return <Wait />;
   if (auth.status === "out") return <LoginPage problem={auth.problem} />;

@@ -1,5 +1,6 @@
 /** Where the page begins. */
 import { createRoot } from "react-dom/client";
+import { begin } from "./acp/connection";
 import { App } from "./app";
 import "./i18n";
 import "./styles/tokens.css";
@@ -14,6 +15,13 @@ import "./styles/scene-bar.css";
 import "./styles/camera.css";
 import "./styles/overlays.css";
 import "./styles/people.css";
+
+// Before anything is drawn: the token must not wait in the address until a slow machine has drawn the page.
+void begin();
+// A login link that is opened in a tab where the page already is changes nothing but the fragment.
+window.addEventListener("hashchange", () => {
+  if (window.location.hash.includes("token=")) void begin();
+});
 
 const root = document.getElementById("root");
 if (root === null) throw new Error("the page has no root element");

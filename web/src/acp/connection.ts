@@ -5,8 +5,10 @@
 import type { ClientContext, InitializeResponse } from "@agentclientprotocol/sdk";
 import * as http from "../api/http";
 import i18next from "../i18n";
+import { stillHidden } from "../state/alerts";
 import { getState, INITIAL, setState, toast } from "../state/store";
 import { takeToken } from "./address";
+import { agentNow } from "./agent-clock";
 import { Link, type LinkEvents } from "./link";
 import type { Person } from "./people";
 import { receive, setAgent } from "./sessions";
@@ -14,6 +16,8 @@ import type { Telemetry } from "./telemetry";
 
 const CHECK_MS = 5000;
 const TOLD_MS = 1000;
+/** It comes five times a second: without it for so long, what was told last says nothing of the robot any more. */
+const SILENCE_MS = 3000;
 
 /** What a screen makes of the connection. */
 export interface Screen {
@@ -30,6 +34,8 @@ let checks: ReturnType<typeof setInterval> | null = null;
 let toldAt = 0;
 /** Counts checks in a row that nobody answered; the second one takes the connection for dead. */
 let unanswered = 0;
+/** Set while telemetry has to come; ends what it told. */
+let silence: ReturnType<typeof setTimeout> | undefined;
 
 /** On loading the page: a token in the address, else the cookie of an earlier login. */
 export async function begin(): Promise<void> {
@@ -80,11 +86,13 @@ export function start(screen: Screen): void {
     onQuestion: screen.onQuestion,
     onOpen: (agent, hello) => {
       setAgent(agent);
+      setState({ heardUntil: null });
       return screen.onOpen(agent, hello);
     },
     onLost: () => {
       setAgent(null);
-      setState({ telemetry: null, people: null });
+      hearNothing(agentNow());
+      setState({ people: null });
       void check();
     },
   });
@@ -98,6 +106,8 @@ export function end(): void {
   link?.end();
   link = null;
   setAgent(null);
+  clearTimeout(silence);
+  setState({ telemetry: null, heardUntil: null });
   if (checks !== null) clearInterval(checks);
   window.removeEventListener("online", tryNow);
 }
@@ -108,8 +118,22 @@ export function tryNow(): void {
 }
 
 function takeTelemetry(telemetry: Telemetry): void {
+  clearTimeout(silence);
+  // Of a robot that is not reachable the agent tells once.
+  if (telemetry.online) silence = setTimeout(() => hearNothing(agentNow() - SILENCE_MS / 1000), SILENCE_MS);
   const current = telemetry.online && !getState().stopBusy && Date.now() - toldAt > TOLD_MS;
-  setState({ telemetry, ...(current ? { stop: telemetry.stop } : {}) });
+  setState(({ hidden }) => ({
+    telemetry,
+    heardUntil: null,
+    hidden: stillHidden(hidden, telemetry),
+    ...(current ? { stop: telemetry.stop } : {}),
+  }));
+}
+
+/** Nothing is known of the robot since `since`: old numbers must not pass for what it does now. */
+function hearNothing(since: number): void {
+  clearTimeout(silence);
+  setState(({ heardUntil }) => ({ telemetry: null, heardUntil: heardUntil ?? since }));
 }
 
 /** How quick the link is, whether the login still counts, and how the parts behind the bridge are. */

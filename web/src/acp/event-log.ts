@@ -17,6 +17,7 @@ export interface Snapshot {
 
 /** Many events in a moment are shown at once. */
 const TELL_MS = 100;
+const BUNDLE = 1000;
 
 export class EventLog {
   private rows: Row[] = [];
@@ -73,7 +74,9 @@ export class EventLog {
       this.rows.push(rowOf(event, this.titles));
       this.last = event.seq;
     }
-    if (this.rows.length > MOST) this.rows.splice(0, this.rows.length - MOST);
+    // In bundles: who reads an older page must not have it move with each event.
+    const over = Math.ceil((this.rows.length - MOST) / BUNDLE);
+    if (over > 0) this.rows.splice(0, over * BUNDLE);
     this.tell();
   }
 

@@ -55,7 +55,7 @@ export class Link {
 
   constructor(
     private readonly url: string,
-    private readonly events: LinkEvents,
+    readonly events: LinkEvents,
   ) {}
 
   start(): void {

@@ -26,6 +26,13 @@ it("takes at most two samples a second, and a lost robot at once", () => {
   expect(values.every((value) => value === 0.5)).toBe(true);
   setState({ telemetry: null });
   expect(samples.series("speed", begun).values.at(-1)).toBeNull();
+  setState({ latencyMs: 12 });
+  vi.advanceTimersByTime(600);
+  tell(0);
+  expect(samples.series("link", begun).values.at(-1)).toBe(12);
+  setState({ latencyMs: null });
+  expect(samples.series("link", begun).values.at(-1)).toBeNull();
+  setState({ telemetry: null });
   end();
   tell(1);
   expect(samples.series("speed", begun).values.at(-1)).toBeNull();

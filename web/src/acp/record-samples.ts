@@ -11,7 +11,9 @@ export function recordSamples(): () => void {
   return useStore.subscribe((state, before) => {
     if (state.telemetry === before.telemetry && state.latencyMs === before.latencyMs) return;
     const now = Date.now();
-    const lost = state.telemetry === null && before.telemetry !== null;
+    const lost =
+      (state.telemetry === null && before.telemetry !== null) ||
+      (state.latencyMs === null && before.latencyMs !== null);
     // Telemetry comes five times a second, with a little unrest.
     if (now - last < EVERY_MS - 50 && !lost) return;
     last = now;

@@ -49,7 +49,7 @@ describe("notifications", () => {
     vi.stubGlobal("Notification", Shown);
     const clicked = vi.fn();
     const focus = vi.spyOn(window, "focus").mockImplementation(() => undefined);
-    const close = notify("Sancho asks", "Drive to the kitchen", clicked);
+    const close = notify("q1", "Sancho asks", "Drive to the kitchen", clicked);
     const [shown] = Shown.all;
     expect(shown).toMatchObject({ title: "Sancho asks", options: { body: "Drive to the kitchen" } });
     shown?.onclick?.();
@@ -64,7 +64,7 @@ describe("notifications", () => {
       throw new TypeError("Illegal constructor");
     };
     vi.stubGlobal("Notification", Object.assign(forbidden, { permission: "granted" }));
-    notify("Sancho asks", "", () => undefined)();
+    notify("q1", "Sancho asks", "", () => undefined)();
     expect(useAllowance.getState().allowance).toBe("none");
   });
 

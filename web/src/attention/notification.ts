@@ -4,7 +4,7 @@
  */
 import { create } from "zustand";
 
-const TAG = "robot-acp/question";
+const TAG = "robot-acp/question/";
 
 export type Allowance = "granted" | "denied" | "default" | "none";
 
@@ -25,11 +25,11 @@ export function isInFront(): boolean {
   return document.visibilityState === "visible" && document.hasFocus();
 }
 
-/** Shows one; a newer one takes its place. Returns what takes it away. */
-export function notify(title: string, body: string, onClick: () => void): () => void {
+/** Shows one, in the place of an earlier one with this key. Returns what takes it away. */
+export function notify(key: string, title: string, body: string, onClick: () => void): () => void {
   if (allowance() !== "granted") return () => undefined;
   try {
-    const shown = new Notification(title, { body, tag: TAG, requireInteraction: true });
+    const shown = new Notification(title, { body, tag: TAG + key, requireInteraction: true });
     shown.onclick = () => {
       window.focus();
       shown.close();

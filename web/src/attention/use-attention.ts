@@ -23,12 +23,14 @@ export function useAttention(onClick: () => void): void {
       close();
       shown.current.delete(key);
     }
-    const newest = calls.current.fresh(questions).at(-1);
-    if (newest === undefined) return;
+    const fresh = calls.current.fresh(questions);
+    if (fresh.length === 0) return;
     const settings = useAttentionSettings.getState();
     if (settings.sound) chime();
     if (settings.notify && !isInFront()) {
-      shown.current.set(newest.key, notify(t("question.asks", { robot }), newest.title, onClick));
+      for (const { key, title } of fresh) {
+        shown.current.set(key, notify(key, t("question.asks", { robot }), title, onClick));
+      }
     }
   }, [questions, robot, t, onClick]);
   useEffect(() => {

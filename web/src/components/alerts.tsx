@@ -1,30 +1,26 @@
 /** The one place at the top for what everybody has to know now: stopped, cut off, halted by itself, low battery. */
 import { BatteryWarning, ShieldAlert, X } from "lucide-react";
-import { useEffect } from "react";
 import { useTranslation } from "react-i18next";
 import { useShallow } from "zustand/react/shallow";
 import { clock, percent } from "../i18n/format";
-import { alerts, batteryIsLow, isBelowFloor, useHidden, type AlertKind } from "../state/alerts";
-import { robotName, useStore } from "../state/store";
-import { ConnectionBand, RobotBand } from "./connection-band";
+import { alerts, isBelowFloor, type AlertKind, type Hidden } from "../state/alerts";
+import { robotName, setState, useStore } from "../state/store";
+import { ConnectionBand, RobotBand, SilentBand } from "./connection-band";
+import { panes } from "./panes";
 import { StopBand, StopFailed } from "./stop-band";
 
 const BANDS: Record<AlertKind, () => React.ReactNode> = {
   "stop-failed": StopFailed,
   stopped: StopBand,
   cut: ConnectionBand,
+  silent: SilentBand,
   "robot-lost": RobotBand,
   halted: HaltBand,
   battery: BatteryBand,
 };
 
 export function Alerts() {
-  const hidden = useHidden();
-  const kinds = useStore(useShallow((state) => alerts(state, hidden)));
-  const low = useStore((state) => batteryIsLow(state.telemetry));
-  useEffect(() => {
-    if (!low) useHidden.setState({ battery: null });
-  }, [low]);
+  const kinds = useStore(useShallow(alerts));
   return (
     <div className="bands" data-testid="alerts">
       {kinds.map((kind) => {
@@ -48,7 +44,7 @@ function HaltBand() {
         {/* The robot's own sentences are English. */}
         <span lang="en">{halted.text}</span> {t("alerts.haltedNext")}
       </p>
-      <Hide onClick={() => useHidden.setState({ halted: halted.at })} />
+      <Hide onClick={() => hide({ halted: halted.at })} />
     </section>
   );
 }
@@ -69,9 +65,14 @@ function BatteryBand() {
         </strong>{" "}
         {t(onlyHome ? "alerts.batteryOnlyHome" : "alerts.batterySoon", { robot })}
       </p>
-      <Hide onClick={() => useHidden.setState({ battery: level })} />
+      <Hide onClick={() => hide({ battery: level })} />
     </section>
   );
+}
+
+function hide(alert: Partial<Hidden>): void {
+  panes()?.focus();
+  setState(({ hidden }) => ({ hidden: { ...hidden, ...alert } }));
 }
 
 function Hide({ onClick }: { onClick: () => void }) {

@@ -4,7 +4,7 @@ import { useLayoutEffect, useRef, type KeyboardEvent } from "react";
 import { useTranslation } from "react-i18next";
 import { cancelTurn, prompt } from "../acp/sessions";
 import { useWhyNot } from "../hooks/use-why-not";
-import { robotName, useConversation, useMe, useStore } from "../state/store";
+import { conversationOf, robotName, useMe, useStore } from "../state/store";
 import { COMPOSER_ID, useComposerText } from "./composer-text";
 
 export function Composer() {
@@ -12,7 +12,7 @@ export function Composer() {
   const me = useMe();
   const robot = useStore(robotName);
   const text = useComposerText((state) => state.text);
-  const { turn } = useConversation();
+  const turn = useStore((state) => conversationOf(state).turn);
   const reason = useWhyNot();
   const online = useStore((state) => state.link.status === "online");
   const field = useRef<HTMLTextAreaElement>(null);

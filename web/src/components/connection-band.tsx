@@ -12,10 +12,13 @@ export function ConnectionBand() {
   const agentUp = useStore((state) => state.health?.agent.up ?? true);
   const why = !reachable ? "network" : agentUp ? null : "agent";
   return (
-    <section className="band band-plain" data-testid="connection-band" role="status">
+    <section className="band band-plain" data-testid="connection-band">
       <CloudOff aria-hidden />
       <p>
-        <strong>{t("connection.lost")}</strong> {why !== null && <>{t(`connection.${why}`)} </>}
+        {/* Said once, and why as soon as that is known; the attempts that follow are only to be read. */}
+        <span role="status" aria-atomic="false">
+          <strong>{t("connection.lost")}</strong> {why !== null && t(`connection.${why}`)}
+        </span>{" "}
         {link.status === "waiting" ? <Countdown until={link.retryAt} /> : t("connection.now")}
       </p>
       <button type="button" className="button on-plain" onClick={tryNow}>
@@ -36,10 +39,21 @@ export function RobotBand() {
   );
 }
 
-/** Not announced each second: the band as a whole was. */
+/** The line looks open, and nothing comes: whatever was told last may not be so any more. */
+export function SilentBand() {
+  const { t } = useTranslation();
+  const robot = useStore(robotName);
+  return (
+    <section className="band band-plain" data-testid="silent-band" role="status">
+      <Unplug aria-hidden />
+      <p>{t("connection.silent", { robot })}</p>
+    </section>
+  );
+}
+
 function Countdown({ until }: { until: number }) {
   const { t } = useTranslation();
   const now = useNow(250);
   const count = Math.max(1, Math.ceil((until - now) / 1000));
-  return <span aria-live="off">{t("connection.again", { count })}</span>;
+  return t("connection.again", { count });
 }

@@ -2,10 +2,11 @@
 import { ArrowDown } from "lucide-react";
 import { memo, useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
+import { useConversation } from "../hooks/use-conversation";
 import { useStickToEnd } from "../hooks/use-stick-to-end";
 import type { Item } from "../state/conversation";
 import { canPrompt } from "../state/rights";
-import { robotName, useConversation, useMe, useStore } from "../state/store";
+import { robotName, useMe, useStore } from "../state/store";
 import { AgentMessage, Note, Thought, UserMessage } from "./messages";
 import { PlanCard } from "./plan-card";
 import { setComposerText } from "./composer-text";

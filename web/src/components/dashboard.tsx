@@ -1,13 +1,15 @@
 /** The supervisor's screen: what stands where on a wide window, a tablet and a phone. */
-import { useEffect, useState } from "react";
+import { useCallback, useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { startDashboard } from "../acp/dashboard";
 import { recordSamples } from "../acp/record-samples";
+import { useAttention } from "../attention/use-attention";
 import { useLayout } from "../hooks/use-media";
 import { robotName, useStore } from "../state/store";
 import { Alerts } from "./alerts";
 import { ActivityPanel } from "./activity-panel";
 import { Header } from "./header";
+import { PANES_ID } from "./panes";
 import { PhoneTabs, type Tab } from "./phone-tabs";
 import { ScenePane } from "./scene-pane";
 import { SessionDrawer, SessionPane } from "./session-pane";
@@ -26,12 +28,13 @@ export default function Dashboard() {
   useEffect(recordSamples, []);
 
   const phone = layout === "phone";
-  const showQuestion = (): void => {
+  const showQuestion = useCallback((): void => {
     setTab("talk");
     setDrawer(false);
     // The pane has to be on the screen before anything in it can take the focus.
     requestAnimationFrame(focusQuestion);
-  };
+  }, []);
+  useAttention(showQuestion);
 
   return (
     <div className="app" data-layout={layout}>
@@ -40,7 +43,7 @@ export default function Dashboard() {
       </a>
       <Header layout={layout} onMenu={() => setDrawer(true)} onQuestion={showQuestion} />
       <Alerts />
-      <main className="panes" data-tab={tab}>
+      <main className="panes" id={PANES_ID} tabIndex={-1} data-tab={tab}>
         {layout === "wide" && <SessionPane onChosen={() => undefined} />}
         {phone && tab === "sessions" && <SessionPane onChosen={() => setTab("talk")} />}
         <TalkPane hidden={phone && tab !== "talk"} />

@@ -64,7 +64,7 @@ export function GoHere({ destination, refused, onDestination, onOver }: GoHerePr
       <p className="sr-only" role="status">
         {destination === null ? "" : words(destination)}
       </p>
-      <p className="go-here-problem" id={problemId} role="status">
+      <p className="scene-problem" id={problemId} role="status">
         {whyNot === null ? refused : t(`goHere.${whyNot}`, { robot })}
       </p>
     </form>

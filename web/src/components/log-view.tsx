@@ -9,11 +9,21 @@ import { EventLog, type Snapshot } from "../acp/event-log";
 import { listen } from "../acp/events";
 import { asLines, readEvents } from "../acp/log-pages";
 import { useStickToEnd } from "../hooks/use-stick-to-end";
-import { FILTERS, fileName, matching, MOST, type Filter, type Kind, type Row } from "../state/log";
+import {
+  FILTERS,
+  fileName,
+  LONGEST_PAGE,
+  matching,
+  PAGE,
+  pageOf,
+  startOf,
+  type Filter,
+  type Kind,
+  type Row,
+} from "../state/log";
 import { getState, robotName, toast, useStore } from "../state/store";
 import { LogRow } from "./log-row";
 
-const PAGE = 100;
 const ALL: ReadonlySet<Filter> = new Set(FILTERS);
 
 export function LogView({ sessionId }: { sessionId: string }) {
@@ -21,18 +31,24 @@ export function LogView({ sessionId }: { sessionId: string }) {
   const { rows, standing } = useEventLog(sessionId);
   const [kinds, setKinds] = useState(ALL);
   const [words, setWords] = useState("");
-  /** Null is the newest page, whichever that is. */
-  const [page, setPage] = useState<number | null>(null);
+  /** The number of the first event of the page that is on the screen; null for the newest page, whichever that is. */
+  const [from, setFrom] = useState<number | null>(null);
+  /** What looking for something gave, for those who do not see the list; what comes later is not announced. */
+  const [said, setSaid] = useState("");
   const nameOf = useMemo(() => (kind: Kind) => t(`logKind.${kind}`), [t]);
   const found = useMemo(() => matching(rows, kinds, words, nameOf), [rows, kinds, words, nameOf]);
-  const pages = Math.max(1, Math.ceil(found.length / PAGE));
-  const at = Math.min(page ?? pages - 1, pages - 1);
 
+  const look = (nextKinds: ReadonlySet<Filter>, nextWords: string): void => {
+    setKinds(nextKinds);
+    setWords(nextWords);
+    setFrom(null);
+    const count = matching(rows, nextKinds, nextWords, nameOf).length;
+    setSaid(t("log.count", { found: count, all: rows.length }));
+  };
   const toggle = (filter: Filter): void => {
     const next = new Set(kinds);
     if (!next.delete(filter)) next.add(filter);
-    setKinds(next);
-    setPage(null);
+    look(next, words);
   };
 
   return (
@@ -45,10 +61,7 @@ export function LogView({ sessionId }: { sessionId: string }) {
             type="search"
             value={words}
             placeholder={t("log.search")}
-            onChange={(event) => {
-              setWords(event.target.value);
-              setPage(null);
-            }}
+            onChange={(event) => look(kinds, event.target.value)}
           />
         </label>
         <Export sessionId={sessionId} empty={rows.length === 0} />
@@ -74,17 +87,18 @@ export function LogView({ sessionId }: { sessionId: string }) {
           {t(standing === "reading" ? "log.reading" : rows.length === 0 ? "log.empty" : "log.noneFound")}
         </p>
       ) : (
-        <Rows key={at} rows={found.slice(at * PAGE, (at + 1) * PAGE)} sessionId={sessionId} nameOf={nameOf} />
+        <LogPage key={from ?? "newest"} rows={found} from={from} sessionId={sessionId} nameOf={nameOf} />
       )}
       <div className="log-foot">
-        <span className="muted small" role="status" data-testid="log-count">
+        <span className="muted small" data-testid="log-count">
           {t("log.count", { found: found.length, all: rows.length })}
-          {rows.length === MOST && ` ${t("log.older")}`}
+          {(rows[0]?.seq ?? 1) > 1 && ` ${t("log.older")}`}
           {standing === "behind" && ` ${t("log.behind")}`}
         </span>
-        {pages > 1 && (
-          <Pages at={at} pages={pages} onPage={(next) => setPage(next === pages - 1 ? null : next)} />
-        )}
+        <span className="sr-only" role="status" data-testid="log-said">
+          {standing === "behind" ? t("log.behind") : said}
+        </span>
+        <Pages rows={found} from={from} onPage={setFrom} />
       </div>
     </>
   );
@@ -100,12 +114,27 @@ function useEventLog(sessionId: string): Snapshot {
   return useSyncExternalStore(log.watch, log.get);
 }
 
-function Rows(props: { rows: readonly Row[]; sessionId: string; nameOf: (kind: Kind) => string }) {
+/**
+ * A page of rows. The newest one moves on with what comes while its end is in sight; while somebody reads further up, its
+ * rows stay and new ones are put below them.
+ */
+function LogPage(props: {
+  rows: readonly Row[];
+  from: number | null;
+  sessionId: string;
+  nameOf: (kind: Kind) => string;
+}) {
   const { t } = useTranslation();
-  const { box, content } = useStickToEnd();
+  const newest = props.from === null;
+  const { box, content, atEnd } = useStickToEnd(newest);
+  const [held, setHeld] = useState<number | null>(null);
+  const page = pageOf(props.rows, newest ? held : props.from, newest && held !== null ? LONGEST_PAGE : PAGE);
+  const first = page[0]?.seq ?? null;
+  if (newest && atEnd !== (held === null)) setHeld(atEnd ? null : first);
   return (
     <div
       className="log-rows"
+      data-testid="log-rows"
       ref={box}
       role="region"
       aria-label={t("log.title")}
@@ -115,7 +144,7 @@ function Rows(props: { rows: readonly Row[]; sessionId: string; nameOf: (kind: K
     >
       <div ref={content}>
         <ol>
-          {props.rows.map((row) => (
+          {page.map((row) => (
             <LogRow key={row.seq} row={row} name={props.nameOf(row.kind)} sessionId={props.sessionId} />
           ))}
         </ol>
@@ -124,18 +153,31 @@ function Rows(props: { rows: readonly Row[]; sessionId: string; nameOf: (kind: K
   );
 }
 
-function Pages({ at, pages, onPage }: { at: number; pages: number; onPage: (page: number) => void }) {
+function Pages({
+  rows,
+  from,
+  onPage,
+}: {
+  rows: readonly Row[];
+  from: number | null;
+  onPage: (from: number | null) => void;
+}) {
   const { t } = useTranslation();
+  const pages = Math.ceil(rows.length / PAGE);
+  if (pages <= 1) return null;
+  const last = rows.length - PAGE;
+  const start = startOf(rows, from);
+  const go = (to: number): void => onPage(to >= last ? null : (rows[Math.max(0, to)]?.seq ?? null));
   const ways = [
-    { name: "oldest", Icon: ChevronFirst, to: 0, off: at === 0 },
-    { name: "earlier", Icon: ChevronLeft, to: at - 1, off: at === 0 },
-    { name: "later", Icon: ChevronRight, to: at + 1, off: at === pages - 1 },
-    { name: "newest", Icon: ChevronLast, to: pages - 1, off: at === pages - 1 },
+    { name: "oldest", Icon: ChevronFirst, to: 0, off: start === 0 },
+    { name: "earlier", Icon: ChevronLeft, to: start - PAGE, off: start === 0 },
+    { name: "later", Icon: ChevronRight, to: start + PAGE, off: from === null },
+    { name: "newest", Icon: ChevronLast, to: last, off: from === null },
   ] as const;
   return (
     <nav className="log-pages" aria-label={t("log.pages")}>
       <span className="small" data-testid="log-page">
-        {t("log.page", { at: at + 1, pages })}
+        {t("log.page", { at: Math.ceil(start / PAGE) + 1, pages })}
       </span>
       {ways.map(({ name, Icon, to, off }) => (
         <button
@@ -146,7 +188,7 @@ function Pages({ at, pages, onPage }: { at: number; pages: number; onPage: (page
           title={t(`log.${name}`)}
           data-testid={`log-${name}`}
           disabled={off}
-          onClick={() => onPage(to)}
+          onClick={() => go(to)}
         >
           <Icon aria-hidden />
         </button>

@@ -8,7 +8,6 @@ import { useTranslation } from "react-i18next";
 import type { PermissionOption } from "@agentclientprotocol/sdk";
 import { askAllowance, useAllowance } from "../attention/notification";
 import { change, useAttentionSettings } from "../attention/settings";
-import { useAttention } from "../attention/use-attention";
 import { useNow } from "../hooks/use-now";
 import { fixed, metres } from "../i18n/format";
 import { canApprove } from "../state/rights";
@@ -33,7 +32,6 @@ export function QuestionDock() {
   const me = useMe();
   const question = useStore((state) => state.questions[0] ?? null);
   const count = useStore((state) => state.questions.length);
-  useAttention(focusQuestion);
   const waits = useStore((state) => {
     const conversation = state.currentId === null ? undefined : state.conversations[state.currentId];
     const last = conversation?.turn ? conversation.items.findLast((item) => item.kind === "tool") : undefined;

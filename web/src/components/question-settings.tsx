@@ -8,7 +8,7 @@ import { askAllowance, useAllowance } from "../attention/notification";
 import { change, useAttentionSettings } from "../attention/settings";
 import { useLayout } from "../hooks/use-media";
 import { canApprove } from "../state/rights";
-import { robotName, useConversation, useMe, useStore } from "../state/store";
+import { conversationOf, robotName, useMe, useStore } from "../state/store";
 import { Tick } from "./tick";
 
 /** Behind a button where the line at the top has no room for it. */
@@ -18,7 +18,7 @@ export function QuestionSettings() {
   const robot = useStore(robotName);
   const layout = useLayout();
   const silent = useAttentionSettings((settings) => !settings.sound && !settings.notify);
-  const count = Object.keys(useConversation().remembered).length;
+  const count = useStore((state) => Object.keys(conversationOf(state).remembered).length);
   if (!canApprove(me.role)) return null;
   if (layout !== "wide") return <Sections />;
   return (
@@ -32,7 +32,13 @@ export function QuestionSettings() {
         {count > 0 && <span className="question-settings-count" data-count={count} />}
       </Popover.Trigger>
       <Popover.Portal>
-        <Popover.Content className="menu popover" align="end" sideOffset={4} collisionPadding={8}>
+        <Popover.Content
+          className="menu popover"
+          aria-label={t("attention.title", { robot })}
+          align="end"
+          sideOffset={4}
+          collisionPadding={8}
+        >
           <Sections />
         </Popover.Content>
       </Popover.Portal>
@@ -95,7 +101,7 @@ function Notifications() {
 
 function Remembered() {
   const { t } = useTranslation();
-  const remembered = Object.entries(useConversation().remembered);
+  const remembered = Object.entries(useStore((state) => conversationOf(state).remembered));
   const titles = useTitles();
   if (remembered.length === 0) return <p className="muted small">{t("attention.rememberedNone")}</p>;
   return (

@@ -1,6 +1,6 @@
 /** The buttons over the map: where its camera stands, where the robot is sent, and what the robot sees. */
 import { Camera, LocateFixed, Map, MapPin, ScanEye } from "lucide-react";
-import type { Ref } from "react";
+import { useId, type Ref } from "react";
 import { useTranslation } from "react-i18next";
 import { VIEWS, type ShownView, type View } from "../scene/scene-link";
 import { canPrompt } from "../state/rights";
@@ -14,12 +14,16 @@ export interface SceneBarProps {
   onGoHere: () => void;
   goButton: Ref<HTMLButtonElement>;
   camera: boolean;
+  cameraButton: Ref<HTMLButtonElement>;
   onCamera: (open: boolean) => void;
 }
 
-export function SceneBar({ view: shown, onView, onGoHere, goButton, camera, onCamera }: SceneBarProps) {
+export function SceneBar(props: SceneBarProps) {
+  const { view: shown, onView, onGoHere, goButton, camera, cameraButton, onCamera } = props;
   const { t } = useTranslation();
   const me = useMe();
+  const reasonId = useId();
+  const away = shown === null;
   return (
     <div className="scene-tools">
       <div className="scene-views" role="group" aria-label={t("view.label")}>
@@ -32,7 +36,8 @@ export function SceneBar({ view: shown, onView, onGoHere, goButton, camera, onCa
               className="scene-tool"
               data-testid={`view-${view}`}
               aria-pressed={shown === view}
-              disabled={shown === null}
+              disabled={away}
+              aria-describedby={reasonId}
               onClick={() => onView(view)}
             >
               <Icon aria-hidden /> {t(`view.${view}`)}
@@ -46,6 +51,8 @@ export function SceneBar({ view: shown, onView, onGoHere, goButton, camera, onCa
           className="scene-tool single"
           data-testid="go-here"
           ref={goButton}
+          disabled={away}
+          aria-describedby={reasonId}
           onClick={onGoHere}
         >
           <MapPin aria-hidden /> {t("goHere.button")}
@@ -55,12 +62,16 @@ export function SceneBar({ view: shown, onView, onGoHere, goButton, camera, onCa
         type="button"
         className="scene-tool single scene-tool-last"
         data-testid="camera"
+        ref={cameraButton}
         aria-label={t("camera.title")}
         aria-pressed={camera}
         onClick={() => onCamera(!camera)}
       >
         <Camera aria-hidden /> <span className="scene-tool-word">{t("camera.title")}</span>
       </button>
+      <p className="scene-problem muted" id={reasonId}>
+        {away && t("view.away")}
+      </p>
     </div>
   );
 }

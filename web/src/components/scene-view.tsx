@@ -21,13 +21,24 @@ export function SceneView({ shown, alone }: { shown: boolean; alone: boolean }) 
   const [destination, setDestination] = useState<Destination | null>(null);
   const [refused, setRefused] = useState<string | null>(null);
   const goButton = useRef<HTMLButtonElement>(null);
+  const cameraButton = useRef<HTMLButtonElement>(null);
+  const bar = useRef<HTMLDivElement>(null);
   const onPicked = useCallback((picked: Picked) => setDestination(destinationOf(picked)), []);
   const { view, show, pick } = useSceneLink(onPicked, setRefused);
 
+  /** The keyboard goes on in the bar when what had it has left the screen. */
+  const focusBar = (wanted: HTMLButtonElement | null): void => {
+    const first = bar.current?.querySelector<HTMLElement>("button:enabled, select:enabled");
+    (wanted?.disabled === false ? wanted : first)?.focus();
+  };
   const openCamera = (open: boolean): void => {
     keepCamera(open);
     setCamera(open);
     setLarge(false);
+  };
+  const closeCamera = (): void => {
+    flushSync(() => openCamera(false));
+    focusBar(cameraButton.current);
   };
   const go = (on: boolean): void => {
     setDestination(null);
@@ -37,19 +48,19 @@ export function SceneView({ shown, alone }: { shown: boolean; alone: boolean }) 
   };
   const over = (asked: string | null): void => {
     flushSync(() => go(false));
-    goButton.current?.focus();
+    focusBar(goButton.current);
     // Elsewhere the conversation beside the map shows it.
     if (asked !== null && alone) toast("info", t("goHere.sent", { what: asked }));
   };
   return (
     <div className="scene-view">
       <div className="scene-main" inert={large}>
-        <div className="scene-bar">
+        <div className="scene-bar" ref={bar}>
           {/* One takes the other's place, so that the map stays as it is. */}
           {going ? (
             <GoHere
               destination={destination}
-              refused={refused}
+              refused={refused ?? (view === null ? t("goHere.noMap") : null)}
               onDestination={setDestination}
               onOver={over}
             />
@@ -60,6 +71,7 @@ export function SceneView({ shown, alone }: { shown: boolean; alone: boolean }) 
               onGoHere={() => go(true)}
               goButton={goButton}
               camera={camera}
+              cameraButton={cameraButton}
               onCamera={openCamera}
             />
           )}
@@ -68,9 +80,7 @@ export function SceneView({ shown, alone }: { shown: boolean; alone: boolean }) 
           <Scene viewer={VIEWER} />
         </div>
       </div>
-      {camera && shown && (
-        <CameraView shown={shown} large={large} onLarge={setLarge} onClose={() => openCamera(false)} />
-      )}
+      {camera && shown && <CameraView shown={shown} large={large} onLarge={setLarge} onClose={closeCamera} />}
     </div>
   );
 }

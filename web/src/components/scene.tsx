@@ -1,6 +1,6 @@
 /** The live map, as soon as it answers. */
 import { MapPinOff } from "lucide-react";
-import { useEffect, useState } from "react";
+import { useEffect, useRef, useState, type RefObject } from "react";
 import { useTranslation } from "react-i18next";
 import { robotName, useStore } from "../state/store";
 
@@ -11,8 +11,9 @@ export function Scene({ viewer }: { viewer?: string }) {
   const { t } = useTranslation();
   const robot = useStore(robotName);
   const address = viewer === undefined ? "/scene/" : `/scene/${viewer}/`;
-  const there = useSceneThere(address);
-  if (there === true) return <iframe src={address} title={t("scene.frame", { robot })} />;
+  const frame = useRef<HTMLIFrameElement>(null);
+  const there = useSceneThere(address, frame);
+  if (there === true) return <iframe ref={frame} src={address} title={t("scene.frame", { robot })} />;
   return (
     <div className="scene-none">
       {there === false && (
@@ -26,18 +27,16 @@ export function Scene({ viewer }: { viewer?: string }) {
   );
 }
 
-/** Whether the scene answers; asked until it does. Null while nobody knows. */
-function useSceneThere(address: string): boolean | null {
+/** Whether the scene answers; asked until it does, and once more after a cut. Null while nobody knows. */
+function useSceneThere(address: string, frame: RefObject<HTMLIFrameElement | null>): boolean | null {
   const [there, setThere] = useState<boolean | null>(null);
   const online = useStore((state) => state.reachable);
   useEffect(() => {
     if (there === true || !online) return;
     let over = false;
     const ask = async (): Promise<void> => {
-      const answer = await fetch(address, { credentials: "same-origin" }).catch(() => null);
-      const type = answer?.headers.get("Content-Type") ?? "";
-      await answer?.body?.cancel().catch(() => undefined);
-      if (!over) setThere(answer?.ok === true && type.startsWith("text/html"));
+      const answer = await answers(address);
+      if (!over) setThere(answer);
     };
     void ask();
     const timer = setInterval(() => void ask(), ASK_AGAIN_MS);
@@ -46,5 +45,38 @@ function useSceneThere(address: string): boolean | null {
       clearInterval(timer);
     };
   }, [address, there, online]);
+  useEffect(
+    () =>
+      onReturn(() => {
+        void answers(address).then((answer) => {
+          // The same frame, so that whoever was in it with the keyboard stays there.
+          if (answer && frame.current !== null) frame.current.src = address;
+          setThere(answer);
+        });
+      }),
+    [address, frame],
+  );
   return there;
+}
+
+async function answers(address: string): Promise<boolean> {
+  const answer = await fetch(address, { credentials: "same-origin" }).catch(() => null);
+  const type = answer?.headers.get("Content-Type") ?? "";
+  await answer?.body?.cancel().catch(() => undefined);
+  return answer?.ok === true && type.startsWith("text/html");
+}
+
+/**
+ * Calls when the network was away and is back: the map's page trusts a connection that is dead without having been
+ * closed. One slow answer is no cut, and neither is an agent that starts anew. Returns what ends it.
+ */
+function onReturn(back: () => void): () => void {
+  let away = false;
+  return useStore.subscribe(({ link, reachable }) => {
+    if (link.status !== "online") away ||= !reachable;
+    else if (away) {
+      away = false;
+      back();
+    }
+  });
 }

@@ -40,6 +40,7 @@ export function SessionItem(props: {
         type="button"
         className="session-open"
         data-testid="session-item"
+        data-session={session.sessionId}
         aria-current={current ? "true" : undefined}
         onClick={choose}
       >

@@ -1,7 +1,7 @@
 /** The sessions to go back to: newest first, searchable, and a way to begin a new one. */
 import { Plus, X } from "lucide-react";
 import { Dialog } from "radix-ui";
-import { useState } from "react";
+import { useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
 import type { SessionInfo } from "@agentclientprotocol/sdk";
 import { findMore } from "../acp/search";
@@ -51,6 +51,13 @@ function SessionList({ onChosen }: { onChosen: () => void }) {
   const shown = useShown(words);
   const online = useStore((state) => state.link.status === "online");
   const [doomed, setDoomed] = useState<SessionInfo | null>(null);
+  const newButton = useRef<HTMLButtonElement>(null);
+  const list = useRef<HTMLDivElement>(null);
+  const neighbour = (): HTMLElement | null => {
+    const items = [...(list.current?.querySelectorAll<HTMLElement>("[data-session]") ?? [])];
+    const at = items.findIndex(({ dataset }) => dataset["session"] === doomed?.sessionId);
+    return items[at + 1] ?? items[at - 1] ?? newButton.current;
+  };
   const begin = (): void => {
     newSession().then(onChosen, () => undefined);
   };
@@ -62,6 +69,7 @@ function SessionList({ onChosen }: { onChosen: () => void }) {
             type="button"
             className="button wide"
             data-testid="new-session"
+            ref={newButton}
             disabled={!online}
             onClick={begin}
           >
@@ -70,7 +78,7 @@ function SessionList({ onChosen }: { onChosen: () => void }) {
         )}
         <SessionSearch words={words} onWords={setWords} />
       </div>
-      <div className="sessions-scroll" aria-busy={shown.searching}>
+      <div className="sessions-scroll" ref={list} aria-busy={shown.searching}>
         <p className={shown.sessions.length === 0 ? "muted small sessions-none" : "sr-only"} role="status">
           {shown.text}
         </p>
@@ -95,6 +103,7 @@ function SessionList({ onChosen }: { onChosen: () => void }) {
         no={t("sessions.keep")}
         yes={t("sessions.deleteYes")}
         danger
+        after={neighbour}
         onYes={() => {
           if (doomed === null) return;
           deleteSession(doomed.sessionId).catch((error: unknown) => {

@@ -5,17 +5,18 @@ import { useTranslation } from "react-i18next";
 import { choose } from "../acp/sessions";
 import { canConfigure } from "../state/rights";
 import { modelSetting, modeSetting, type Setting } from "../state/settings";
-import { useConversation, useMe, useStore } from "../state/store";
+import { conversationOf, useMe, useStore } from "../state/store";
 import { QuestionSettings } from "./question-settings";
 
 export function SettingSelects() {
   const { t } = useTranslation();
-  const conversation = useConversation();
   const me = useMe();
   const ready = useStore((state) => state.currentId !== null && state.attached.has(state.currentId));
   const disabled = !ready || !canConfigure(me.role);
-  const mode = modeSetting(conversation);
-  const model = modelSetting(conversation);
+  const modes = useStore((state) => conversationOf(state).modes);
+  const options = useStore((state) => conversationOf(state).options);
+  const mode = modeSetting({ modes, options });
+  const model = modelSetting({ modes, options });
   return (
     <>
       {mode && <SettingSelect testId="mode" label={t("settings.mode")} setting={mode} disabled={disabled} />}

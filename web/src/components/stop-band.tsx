@@ -7,6 +7,7 @@ import { clock } from "../i18n/format";
 import { canRelease } from "../state/rights";
 import { robotName, setState, useMe, useStore } from "../state/store";
 import { Confirm } from "./confirm";
+import { panes } from "./panes";
 
 export function StopBand() {
   const { t } = useTranslation();
@@ -47,6 +48,7 @@ function Release({ robot }: { robot: string }) {
         no={t("stop.keep")}
         yes={t("stop.release")}
         onYes={() => void releaseRobot()}
+        after={panes}
         testId="release-confirm"
       />
     </>
@@ -70,7 +72,10 @@ export function StopFailed() {
         type="button"
         className="icon-button"
         aria-label={t("stop.dismiss")}
-        onClick={() => setState({ stopError: null })}
+        onClick={() => {
+          panes()?.focus();
+          setState({ stopError: null });
+        }}
       >
         <X aria-hidden />
       </button>

@@ -1,4 +1,7 @@
-/** Where the time of the turn goes: a bar that grows while the turn runs, and the seconds in words and numbers. */
+/**
+ * Where the time of the turn goes: a bar that grows while the turn runs, and the seconds in words and numbers. It stands
+ * still while nobody knows whether the turn runs.
+ */
 import { useTranslation } from "react-i18next";
 import { agentNow } from "../acp/agent-clock";
 import { useNow } from "../hooks/use-now";
@@ -14,14 +17,17 @@ export function TurnView() {
   const timeline = useStore((state) =>
     state.currentId === null ? null : (state.conversations[state.currentId]?.timeline ?? null),
   );
+  const heardUntil = useStore((state) => state.heardUntil);
   return (
     <section className="turn" aria-label={t("timeline.title")} data-testid="timeline">
       {timeline === null ? (
         <p className="muted small">{t("timeline.none")}</p>
-      ) : timeline.ended === null ? (
-        <Growing timeline={timeline} />
+      ) : timeline.ended !== null ? (
+        <Shown timeline={timeline} now={timeline.ended} state={timeline.measured ? "measured" : "seen"} />
+      ) : heardUntil !== null ? (
+        <Shown timeline={timeline} now={heardUntil} state="lost" />
       ) : (
-        <Shown timeline={timeline} now={timeline.ended} />
+        <Growing timeline={timeline} />
       )}
     </section>
   );
@@ -29,21 +35,24 @@ export function TurnView() {
 
 function Growing({ timeline }: { timeline: Timeline }) {
   useNow(GROW_MS);
-  return <Shown timeline={timeline} now={agentNow()} />;
+  return <Shown timeline={timeline} now={agentNow()} state="running" />;
 }
 
-function Shown({ timeline, now }: { timeline: Timeline; now: number }) {
+const CAPTIONS = {
+  running: "timeline.soFar",
+  lost: "timeline.lost",
+  measured: "timeline.measured",
+  seen: "timeline.seen",
+} as const;
+type Shows = keyof typeof CAPTIONS;
+
+function Shown({ timeline, now, state }: { timeline: Timeline; now: number; state: Shows }) {
   const { t } = useTranslation();
   const told = timeline.measured ?? secondsAt(timeline, now);
-  const running = timeline.ended === null;
   return (
     <>
       <Bar timeline={timeline} now={now} told={told} />
-      <PhaseTable
-        told={told}
-        caption={t(running ? "timeline.soFar" : timeline.measured ? "timeline.measured" : "timeline.seen")}
-        state={running ? "running" : timeline.measured ? "measured" : "seen"}
-      />
+      <PhaseTable told={told} caption={t(CAPTIONS[state])} state={state} />
     </>
   );
 }

@@ -5,6 +5,8 @@ import { useStore } from "../state/store";
 
 export function useRobotState(): RobotState {
   return useStore(
-    useShallow((state) => robotState(state.telemetry, state.link, state.health, state.stop?.by ?? null)),
+    useShallow(({ telemetry, link, health, heardUntil, stop }) =>
+      robotState(telemetry, link, health, heardUntil, stop?.by ?? null),
+    ),
   );
 }

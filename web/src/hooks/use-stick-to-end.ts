@@ -1,4 +1,7 @@
-/** Keeps a scrolled list at its end while it grows, until the reader scrolls up; then it leaves the reader alone. */
+/**
+ * Keeps a scrolled list at its end while it grows, until the reader scrolls up; then it leaves the reader alone. A list
+ * that does not stick begins at its top.
+ */
 import { useCallback, useEffect, useRef, useState, type RefObject } from "react";
 
 const NEAR_PX = 48;
@@ -10,11 +13,11 @@ export interface Stick {
   toEnd: () => void;
 }
 
-export function useStickToEnd(): Stick {
+export function useStickToEnd(sticks = true): Stick {
   const box = useRef<HTMLDivElement>(null);
   const content = useRef<HTMLDivElement>(null);
   /** Set by what the reader does; the effects below read it without drawing anew. */
-  const stuck = useRef(true);
+  const stuck = useRef(sticks);
   const [atEnd, setAtEnd] = useState(true);
 
   const toEnd = useCallback(() => {
@@ -31,7 +34,7 @@ export function useStickToEnd(): Stick {
     const scrolled = (): void => {
       const near = outer.scrollHeight - outer.scrollTop - outer.clientHeight < NEAR_PX;
       // Growing content also moves the end away; only a reader moves the list up.
-      if (near) stuck.current = true;
+      if (near) stuck.current = sticks;
       else if (outer.scrollTop < lastTop) stuck.current = false;
       lastTop = outer.scrollTop;
       setAtEnd(stuck.current);
@@ -46,7 +49,7 @@ export function useStickToEnd(): Stick {
       outer.removeEventListener("scroll", scrolled);
       grown.disconnect();
     };
-  }, []);
+  }, [sticks]);
 
   return { box, content, atEnd, toEnd };
 }

@@ -1,6 +1,6 @@
 /** Why the person here cannot ask for anything right now, in the session on the screen; null when nothing is in the way. */
 import { canPrompt } from "../state/rights";
-import { useConversation, useMe, useStore } from "../state/store";
+import { conversationOf, useMe, useStore } from "../state/store";
 
 export type WhyNot = "viewer" | "disconnected" | "opening" | "running";
 
@@ -8,7 +8,7 @@ export function useWhyNot(): WhyNot | null {
   const me = useMe();
   const online = useStore((state) => state.link.status === "online");
   const ready = useStore((state) => state.currentId !== null && state.attached.has(state.currentId));
-  const running = useConversation().turn !== null;
+  const running = useStore((state) => conversationOf(state).turn !== null);
   if (!canPrompt(me.role)) return "viewer";
   if (!online) return "disconnected";
   if (!ready) return "opening";

@@ -42,7 +42,7 @@ function call(
 }
 
 const said = (conversation: Conversation, fields?: object): ReturnType<typeof doing> =>
-  doing(ONLINE, telemetry(fields), conversation, "s");
+  doing(ONLINE, telemetry(fields), null, conversation, "s");
 
 describe("what the robot is doing for a visitor", () => {
   it("is thinking from the wish on", () => expect(said(play()).kind).toBe("thinking"));
@@ -89,9 +89,10 @@ describe("what the robot is doing for a visitor", () => {
   });
   it("says nothing old without a connection or a robot", () => {
     const conversation = play(...call("navigate_to_place", "in_progress"));
-    expect(doing({ status: "waiting", retryAt: 0 }, null, conversation, "s").kind).toBe("offline");
+    expect(doing({ status: "waiting", retryAt: 0 }, null, 7, conversation, "s").kind).toBe("offline");
     expect(said(conversation, { online: false }).kind).toBe("unreachable");
-    expect(doing({ status: "connecting", first: true }, null, EMPTY, null).kind).toBe("nothing");
+    expect(doing(ONLINE, null, 7, conversation, "s").kind).toBe("unreachable");
+    expect(doing({ status: "connecting", first: true }, null, null, EMPTY, null).kind).toBe("nothing");
   });
 });
 

@@ -30,11 +30,12 @@ export function exchange(conversation: Conversation): Item[] {
 export function doing(
   link: LinkState,
   telemetry: Telemetry | null,
+  heardUntil: number | null,
   conversation: Conversation,
   sessionId: string | null,
 ): Doing {
   if (link.status === "waiting" || (link.status === "connecting" && !link.first)) return { kind: "offline" };
-  if (telemetry?.online === false) return { kind: "unreachable" };
+  if (heardUntil !== null || telemetry?.online === false) return { kind: "unreachable" };
   if (conversation.turn === null) {
     const holder = telemetry?.turn?.sessionId ?? null;
     return { kind: holder !== null && holder !== sessionId ? "elsewhere" : "nothing" };

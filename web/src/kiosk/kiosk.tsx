@@ -6,7 +6,7 @@ import { ask, endVisit, startKiosk, type Wish } from "../acp/visit";
 import { StopButton } from "../components/stop-button";
 import { firstLanguage, speak } from "../i18n";
 import { canPrompt } from "../state/rights";
-import { robotName, setState, useConversation, useMe, useStore } from "../state/store";
+import { conversationOf, robotName, setState, useMe, useStore } from "../state/store";
 import { AskBar } from "./ask-bar";
 import { Answer } from "./answer";
 import { Greeting } from "./greeting";
@@ -26,13 +26,13 @@ export default function Kiosk() {
   const { t, i18n } = useTranslation();
   const me = useMe();
   const robot = useStore(robotName);
-  const conversation = useConversation();
   const visiting = useStore((state) => state.currentId !== null || state.opening);
   const opening = useStore((state) => state.opening);
   const online = useStore((state) => state.link.status === "online");
   const [text, setText] = useState("");
   const [failed, setFailed] = useState(false);
-  const running = conversation.turn !== null || opening;
+  const turn = useStore((state) => conversationOf(state).turn);
+  const running = turn !== null || opening;
 
   useEffect(startKiosk, []);
   useEffect(() => {

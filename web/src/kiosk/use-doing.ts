@@ -11,10 +11,10 @@ const NEAR_M = 1;
 
 export function useDoing(): Doing {
   return useStore(
-    useShallow(({ link, telemetry, conversations, currentId, opening }) => {
+    useShallow(({ link, telemetry, heardUntil, conversations, currentId, opening }) => {
       if (opening) return { kind: "thinking" } as const;
       const conversation = currentId === null ? EMPTY : (conversations[currentId] ?? EMPTY);
-      return doing(link, telemetry, conversation, currentId);
+      return doing(link, telemetry, heardUntil, conversation, currentId);
     }),
   );
 }

@@ -1,7 +1,7 @@
 /** What stands at the top of the screen: the gravest first, two at most, and nothing about a robot that nobody hears. */
 import { describe, expect, it } from "vitest";
 import { parseTelemetry, type Telemetry } from "../acp/telemetry";
-import { alerts, type Hidden } from "./alerts";
+import { alerts, stillHidden, type Hidden } from "./alerts";
 import { INITIAL, type State } from "./store";
 
 const NOTHING: Hidden = { halted: null, battery: null };
@@ -17,13 +17,13 @@ function robot(battery: object, more: object = {}): Telemetry {
 }
 
 function shown(state: Partial<State>, hidden = NOTHING): string[] {
-  return alerts({ ...INITIAL, link: { status: "online" }, ...state }, hidden);
+  return alerts({ ...INITIAL, link: { status: "online" }, hidden, ...state });
 }
 
 describe("alerts", () => {
   it("are none while all is well", () => {
     expect(shown({ telemetry: robot({ level: 0.9 }) })).toEqual([]);
-    expect(alerts({ ...INITIAL, link: { status: "connecting", first: true } }, NOTHING)).toEqual([]);
+    expect(alerts({ ...INITIAL, link: { status: "connecting", first: true } })).toEqual([]);
   });
 
   it("tell of a motion that ended by itself until it is hidden, and of the next one again", () => {
@@ -58,6 +58,15 @@ describe("alerts", () => {
     expect(shown({ telemetry: robot({ level }) }, { ...NOTHING, battery: 0.18 })).toEqual(expected);
   });
 
+  it("stay hidden while nobody knows how the battery is, and come back once it had recovered", () => {
+    const hidden = { halted: 7, battery: 0.18 };
+    for (const unknown of [null, parseTelemetry({ online: false }), robot({ level: 0.18 })]) {
+      expect(stillHidden(hidden, unknown)).toBe(hidden);
+    }
+    expect(stillHidden(hidden, robot({ level: 0.18, charging: true }))).toEqual({ halted: 7, battery: null });
+    expect(stillHidden(hidden, robot({ level: 0.5 }))).toEqual({ halted: 7, battery: null });
+  });
+
   it("come back when the battery falls below its floor", () => {
     expect(shown({ telemetry: robot({ level: 0.099 }) }, { ...NOTHING, battery: 0.11 })).toEqual(["battery"]);
     expect(shown({ telemetry: robot({ level: 0.099 }) }, { ...NOTHING, battery: 0.1 })).toEqual(["battery"]);
@@ -68,6 +77,16 @@ describe("alerts", () => {
     expect(shown({ link: { status: "waiting", retryAt: 1 } })).toEqual(["cut"]);
     expect(shown({ link: { status: "connecting", first: false } })).toEqual(["cut"]);
     expect(shown({ telemetry: parseTelemetry({ online: false }) })).toEqual(["robot-lost"]);
+  });
+
+  it("say that nothing is heard of the robot, and why as far as anybody knows", () => {
+    expect(shown({ heardUntil: 7 })).toEqual(["silent"]);
+    expect(shown({ heardUntil: 7, reachable: false })).toEqual(["cut"]);
+    expect(shown({ telemetry: parseTelemetry({ online: false }), reachable: false })).toEqual(["cut"]);
+    const down = { agent: { up: true, detail: "" }, robot: { up: false, detail: "" }, robotName: null };
+    expect(shown({ health: down, reachable: false })).toEqual(["cut"]);
+    expect(shown({ health: down, heardUntil: 7 })).toEqual(["robot-lost"]);
+    expect(shown({ telemetry: robot({ level: 0.9 }), reachable: false })).toEqual([]);
   });
 
   it("are two at most, and what is grave is among them", () => {

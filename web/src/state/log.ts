@@ -9,6 +9,10 @@ import { authorOf, decisionOf, progressOf, turnOf, waitingOf } from "../acp/meta
 export const MOST = 10_000;
 const LONGEST = 200;
 
+export const PAGE = 100;
+/** The newest page grows so far while somebody reads in it. */
+export const LONGEST_PAGE = 500;
+
 export type Filter = "talk" | "thoughts" | "tools" | "permissions" | "system";
 
 export const FILTERS: readonly Filter[] = ["talk", "thoughts", "tools", "permissions", "system"];
@@ -127,6 +131,20 @@ export function matching(
     const text = `${nameOf(row.kind)} ${row.text}`.toLocaleLowerCase();
     return wanted.every((word) => text.includes(word));
   });
+}
+
+/** The index at which a page begins: that of number `from`, or that of the newest page. */
+export function startOf(rows: readonly Row[], from: number | null): number {
+  const newest = Math.max(0, rows.length - PAGE);
+  if (from === null) return newest;
+  const found = rows.findIndex(({ seq }) => seq >= from);
+  return found < 0 ? newest : found;
+}
+
+/** At most `length` rows, from number `from` on, or the newest ones. */
+export function pageOf(rows: readonly Row[], from: number | null, length: number): readonly Row[] {
+  const start = startOf(rows, from);
+  return rows.slice(start, start + length);
 }
 
 /** As in `sancho-2026-11-21-go-to-lab-2-3-7.jsonl`: plain letters, so that every system takes it. */

@@ -24,14 +24,14 @@ const MOTION = {
 };
 
 const kind = (fields: object): string =>
-  robotState(parseTelemetry({ ...REST, ...fields }), ONLINE, null, null).kind;
+  robotState(parseTelemetry({ ...REST, ...fields }), ONLINE, null, null, null).kind;
 
 describe("the state of the robot", () => {
   it("is ready when it stands", () => expect(kind({})).toBe("ready"));
   it("is ready, charging, at its dock", () =>
     expect(kind({ battery: { level: 0.8, charging: true } })).toBe("charging"));
   it("is driving, with the place", () => {
-    expect(robotState(parseTelemetry({ ...REST, motion: MOTION }), ONLINE, null, null)).toEqual({
+    expect(robotState(parseTelemetry({ ...REST, motion: MOTION }), ONLINE, null, null, null)).toEqual({
       kind: "driving",
       place: "lab 2.3.7",
     });
@@ -40,18 +40,21 @@ describe("the state of the robot", () => {
   it("is speaking", () => expect(kind({ speaking: "Hello" })).toBe("speaking"));
   it("is not reachable when the agent says so", () => expect(kind({ online: false })).toBe("unreachable"));
   it("is stopped before anything else, even without a connection", () => {
-    expect(robotState(null, { status: "waiting", retryAt: 0 }, null, "Ana")).toEqual({
+    expect(robotState(null, { status: "waiting", retryAt: 0 }, null, null, "Ana")).toEqual({
       kind: "stopped",
       by: "Ana",
     });
   });
   it("is not reachable without a connection, never an old state", () => {
-    expect(robotState(parseTelemetry(REST), { status: "waiting", retryAt: 0 }, null, null).kind).toBe(
+    expect(robotState(parseTelemetry(REST), { status: "waiting", retryAt: 0 }, null, null, null).kind).toBe(
       "unreachable",
     );
   });
+  it("is not reachable when its telemetry has ceased", () => {
+    expect(robotState(null, ONLINE, null, 7, null).kind).toBe("unreachable");
+  });
   it("is unknown before the first connection", () => {
-    expect(robotState(null, { status: "connecting", first: true }, null, null).kind).toBe("unknown");
+    expect(robotState(null, { status: "connecting", first: true }, null, null, null).kind).toBe("unknown");
   });
 });
 

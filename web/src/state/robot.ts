@@ -18,11 +18,12 @@ export function robotState(
   telemetry: Telemetry | null,
   link: LinkState,
   health: Health | null,
+  heardUntil: number | null,
   stoppedBy: string | null,
 ): RobotState {
   if (stoppedBy !== null) return { kind: "stopped", by: stoppedBy };
   if (health?.robot.up === false) return { kind: "unreachable" };
-  if (link.status === "waiting" || (link.status === "connecting" && !link.first))
+  if (heardUntil !== null || link.status === "waiting" || (link.status === "connecting" && !link.first))
     return { kind: "unreachable" };
   if (link.status !== "online" || telemetry === null) return { kind: "unknown" };
   if (!telemetry.online) return { kind: "unreachable" };

@@ -16,7 +16,9 @@ export interface Setting {
   choices: Choice[];
 }
 
-function setting(conversation: Conversation, category: "mode" | "model"): Setting | null {
+type Offered = Pick<Conversation, "modes" | "options">;
+
+function setting(conversation: Offered, category: "mode" | "model"): Setting | null {
   const option = conversation.options.find(
     (candidate) =>
       candidate.type === "select" && (candidate.category === category || candidate.id === category),
@@ -37,7 +39,7 @@ function setting(conversation: Conversation, category: "mode" | "model"): Settin
   };
 }
 
-export function modeSetting(conversation: Conversation): Setting | null {
+export function modeSetting(conversation: Offered): Setting | null {
   const option = setting(conversation, "mode");
   if (option !== null || conversation.modes === null) return option;
   return {
@@ -52,6 +54,6 @@ export function modeSetting(conversation: Conversation): Setting | null {
   };
 }
 
-export function modelSetting(conversation: Conversation): Setting | null {
+export function modelSetting(conversation: Offered): Setting | null {
   return setting(conversation, "model");
 }

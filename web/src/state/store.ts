@@ -10,6 +10,7 @@ import type { Preview } from "../acp/meta";
 import type { Person } from "../acp/people";
 import type { Stop, Telemetry } from "../acp/telemetry";
 import type { Health, Me } from "../api/http";
+import type { Hidden } from "./alerts";
 import { EMPTY, type Conversation } from "./conversation";
 
 /** Somebody has to decide. Kept until it is answered, withdrawn or decided by somebody else. */
@@ -76,12 +77,19 @@ export interface State {
   /** What the robot can do, where a screen asked for that; null until it is known. */
   abilities: Abilities | null;
   telemetry: Telemetry | null;
+  /**
+   * Up to when the robot was heard, in Unix seconds by the agent's clock: its telemetry has ceased, or the connection is
+   * lost. Null while it is heard, and where nobody tells of it.
+   */
+  heardUntil: number | null;
   /** What Stop and Release answered over HTTP, until telemetry knows better. */
   stop: Stop | null;
   stopBusy: boolean;
   /** Why Stop did not get through; shown loudly. */
   stopError: string | null;
   toasts: Toast[];
+  /** Alerts that the person here has read. */
+  hidden: Hidden;
 }
 
 export const INITIAL: State = {
@@ -105,20 +113,21 @@ export const INITIAL: State = {
   questions: [],
   abilities: null,
   telemetry: null,
+  heardUntil: null,
   stop: null,
   stopBusy: false,
   stopError: null,
   toasts: [],
+  hidden: { halted: null, battery: null },
 };
 
 export const useStore = create<State>(() => INITIAL);
 
 export const { getState, setState } = useStore;
 
-export function useConversation(): Conversation {
-  return useStore((state) =>
-    state.currentId === null ? EMPTY : (state.conversations[state.currentId] ?? EMPTY),
-  );
+/** The conversation on the screen. */
+export function conversationOf({ currentId, conversations }: State): Conversation {
+  return currentId === null ? EMPTY : (conversations[currentId] ?? EMPTY);
 }
 
 export function useMe(): Me {

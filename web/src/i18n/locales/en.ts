@@ -91,6 +91,7 @@ const en = {
     again_other: "Trying again in {{count}} s.",
     now: "Trying again …",
     tryNow: "Try now",
+    silent: "Nothing is heard from {{robot}}: what it does now is not known here. Stop still works.",
     robot:
       "{{robot}} cannot be reached: the robot server does not answer. It is asked again every few seconds.",
   },
@@ -286,7 +287,7 @@ const en = {
     charging: "charging",
     noData: "No data from {{robot}} at the moment.",
   },
-  view: { label: "View", follow: "Follow", top: "Top", map: "Map" },
+  view: { label: "View", follow: "Follow", top: "Top", map: "Map", away: "The map is not connected yet." },
   goHere: {
     button: "Go here",
     bar: "Send {{robot}} somewhere",
@@ -297,6 +298,7 @@ const en = {
     toPoint: "Go to the point {{x}}, {{y}}",
     cancel: "Cancel",
     go: "Go",
+    noMap: "The map takes no clicks right now. Choose a place from the list.",
     sent: "Asked: {{what}}",
     viewer: "You may only watch.",
     disconnected: "Not connected. You can ask as soon as the connection is back.",
@@ -387,6 +389,7 @@ const en = {
     none: "Nothing has been asked in this session yet. What the next request spends its time on appears here.",
     bar: "Time so far: {{phases}}",
     soFar: "This turn, so far",
+    lost: "This turn, until the connection was lost",
     measured: "The last turn, as the robot measured it",
     seen: "The last turn, as it was seen from here",
     phase: "Part",

@@ -99,6 +99,7 @@ const es = {
     again_other: "Nuevo intento en {{count}} s.",
     now: "Intentándolo …",
     tryNow: "Intentar ahora",
+    silent: "No llega nada de {{robot}}: aquí no se sabe qué hace ahora. Parar sigue funcionando.",
     robot:
       "No se llega a {{robot}}: el servidor del robot no responde. Se le vuelve a preguntar cada pocos segundos.",
   },
@@ -299,7 +300,13 @@ const es = {
     charging: "cargando",
     noData: "En este momento no hay datos de {{robot}}.",
   },
-  view: { label: "Vista", follow: "Seguir", top: "Cenital", map: "Mapa" },
+  view: {
+    label: "Vista",
+    follow: "Seguir",
+    top: "Cenital",
+    map: "Mapa",
+    away: "El mapa aún no está conectado.",
+  },
   goHere: {
     button: "Ir aquí",
     bar: "Enviar a {{robot}} a un sitio",
@@ -310,6 +317,7 @@ const es = {
     toPoint: "Ir al punto x {{x}}; y {{y}}",
     cancel: "Cancelar",
     go: "Ir",
+    noMap: "El mapa no acepta clics en este momento. Elija un lugar de la lista.",
     sent: "Pedido: {{what}}",
     viewer: "Usted solo puede mirar.",
     disconnected: "Sin conexión. Podrá pedirlo en cuanto vuelva.",
@@ -400,6 +408,7 @@ const es = {
     none: "Todavía no se ha pedido nada en esta sesión. Aquí aparecerá en qué se emplea el tiempo de la próxima petición.",
     bar: "Tiempo hasta ahora: {{phases}}",
     soFar: "Este turno, hasta ahora",
+    lost: "Este turno, hasta que se perdió la conexión",
     measured: "El último turno, medido por el robot",
     seen: "El último turno, visto desde aquí",
     phase: "Parte",
