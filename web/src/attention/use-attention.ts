@@ -1,6 +1,7 @@
 /** Calls a person to each new question once: a sound, and a notification while the page is not in front. */
 import { useEffect, useRef } from "react";
 import { useTranslation } from "react-i18next";
+import { callWords } from "../i18n/known";
 import { robotName, useStore } from "../state/store";
 import { Calls } from "./fresh";
 import { isInFront, notify } from "./notification";
@@ -28,7 +29,7 @@ export function useAttention(onClick: () => void): void {
     const settings = useAttentionSettings.getState();
     if (settings.sound) chime();
     if (settings.notify && !isInFront()) {
-      shown.current.set(newest.key, notify(t("question.asks", { robot }), newest.title, onClick));
+      shown.current.set(newest.key, notify(t("question.asks", { robot }), callWords(newest), onClick));
     }
   }, [questions, robot, t, onClick]);
   useEffect(() => {

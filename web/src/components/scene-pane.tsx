@@ -1,7 +1,7 @@
 /** The live map, and in words what it shows. */
 import { useState } from "react";
 import { useTranslation } from "react-i18next";
-import { degrees, fixed, metres, percent, seconds, speed } from "../i18n/format";
+import { degrees, fixed, metres, percent, wholeSeconds, speed } from "../i18n/format";
 import { useRobotState } from "../hooks/use-robot-state";
 import { robotName, useStore } from "../state/store";
 import { SceneView } from "./scene-view";
@@ -42,7 +42,10 @@ function StatusList() {
               <span className="muted">
                 {" "}
                 ·{" "}
-                {t("scene.goalLeft", { distance: metres(motion.distance), seconds: seconds(motion.seconds) })}
+                {t("scene.goalLeft", {
+                  distance: metres(motion.distance),
+                  seconds: wholeSeconds(motion.seconds),
+                })}
               </span>
             )}
           </>
