@@ -20,7 +20,7 @@ describe("in Spanish", () => {
   it("says what a known call does, with its arguments as they are", () => {
     expect(callWords(drive)).toBe("Ir a lab 2.3.7");
     expect(callWords({ tool: "navigate_to_pose", input: { x: 4.25, y: -3 }, title: "" })).toBe(
-      "Ir a (4.25, -3)",
+      "Ir a (4.25; -3)",
     );
     const said = "Costs $t(mode.plan) and {{text}} & <b>";
     expect(callWords({ tool: "speak", input: { text: said }, title: "" })).toBe(
