@@ -49,6 +49,10 @@ DOCS = {
     "dashboard": "dashboard-driving-1440-light-en",
     "dashboard-question": "dashboard-question-1440-dark-en",
     "dashboard-stopped-es": "dashboard-stopped-1440-light-es",
+    "phone-battery": "dashboard-battery-390-light-en",
+    "dashboard-log": "dashboard-log-1440-light-en",
+    "dashboard-people": "dashboard-people-1440-dark-en",
+    "phone-go-here": "dashboard-go-here-390-light-en",
     "tablet": "dashboard-talking-820-light-en",
     "phone": "dashboard-question-390-light-en",
     "phone-map": "dashboard-map-390-dark-en",
@@ -94,6 +98,7 @@ class Dashboard:
         self._down = False  # whether this ended the robot server
         self._low = False  # whether this robot has little charge
         self._ana: Client | None = None  # who drives the robot beside this page
+        self._drives: asyncio.Task[str] | None = None
 
     @property
     def screens(self) -> list[Screen]:
@@ -181,7 +186,7 @@ class Dashboard:
             self._ana = await self._stage.somebody("Ana")
         if not await self._held(page):
             await screens.idle(page)
-            self._ana.later(self._ana.prompt(f"go to {next(FAR)}"))
+            self._drives = self._ana.later(self._ana.prompt(f"go to {next(FAR)}"))
             await expect(page.get_by_test_id("status-holder")).to_be_visible()
         if await page.get_by_test_id("people-menu").count() == 0:
             await page.get_by_test_id("people").click()
@@ -192,8 +197,9 @@ class Dashboard:
 
     async def _people_leave(self, page: Page) -> None:
         await self._shut(page)
-        if self._ana is not None:
+        if self._ana is not None and self._drives is not None:
             await self._ana.cancel()
+            await self._drives  # a cancel that is cut off with its connection is lost
             await self._ana.close()
             self._ana = None
         await expect(page.get_by_test_id("status-holder")).to_have_count(0)
@@ -203,6 +209,9 @@ class Dashboard:
         if not self._low:
             self._stage.restart("robot", ROBOT_ACP_ROBOT__SIMULATOR__BATTERY="0.16")
             self._low = True
+            await expect(page.get_by_test_id("robot-state")).to_have_attribute("data-state", "charging")
+            await screens.driving(page, "reception")  # away from its dock
+            await screens.idle(page)
         await expect(page.get_by_test_id("battery-band")).to_be_visible()
 
     async def _charge(self, page: Page) -> None:

@@ -176,7 +176,8 @@ function QuestionChip({ onClick }: { onClick: () => void }) {
     >
       <ShieldQuestion aria-hidden />
       <span className="question-chip-text">
-        <strong>{t("question.asks", { robot: name })}</strong>{" "}
+        <strong>{t("question.asks", { robot: name })}</strong>
+        {" · "}
         <span className="question-chip-what">{what}</span>
       </span>
     </button>

@@ -111,7 +111,7 @@ function useLeft(item: ToolItem): string {
   const { t } = useTranslation();
   const motion = useStore((state) => state.telemetry?.motion ?? null);
   const words = item.progress?.message ?? "";
-  if (motion === null || motion.seconds === null) return words;
+  if (motion?.seconds == null) return words;
   const time = wholeSeconds(motion.seconds);
   if (item.tool === "rotate_in_place" && motion.kind === "rotate") return t("tool.left", { seconds: time });
   if (item.tool?.startsWith("navigate_to_") !== true || motion.distance === null) return words;

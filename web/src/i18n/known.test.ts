@@ -14,8 +14,12 @@ describe("in English", () => {
 });
 
 describe("in Spanish", () => {
-  beforeEach(async () => void (await i18next.changeLanguage("es")));
-  afterEach(async () => void (await i18next.changeLanguage("en")));
+  beforeEach(async () => {
+    await i18next.changeLanguage("es");
+  });
+  afterEach(async () => {
+    await i18next.changeLanguage("en");
+  });
 
   it("says what a known call does, with its arguments as they are", () => {
     expect(callWords(drive)).toBe("Ir a lab 2.3.7");

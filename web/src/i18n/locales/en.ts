@@ -319,6 +319,7 @@ const en = {
     battery: "Battery",
     goal: "Goal",
     pose: "{{x}}, {{y}} m, facing {{deg}}°",
+    point: "{{x}}, {{y}} m",
     goalLeft: "{{distance}} to go, about {{seconds}}",
     noGoal: "none",
     saying: "“{{text}}”",

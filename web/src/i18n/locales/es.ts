@@ -255,7 +255,7 @@ const es = {
   setting: {
     mode: "Modo",
     model: "Modelo",
-    thought: "Primer pensamiento",
+    thought: "Primera idea",
     motion_asks: "Preguntar antes de moverse",
   },
   summary: {
@@ -311,7 +311,7 @@ const es = {
   },
   composer: {
     label: "Mensaje para {{robot}}",
-    placeholder: "Pida algo a {{robot}} …",
+    placeholder: "Diga a {{robot}} …",
     send: "Enviar",
     cancel: "Cancelar",
     stopping: "Parando …",
@@ -332,6 +332,7 @@ const es = {
     battery: "Batería",
     goal: "Destino",
     pose: "{{x}}; {{y}} m, a {{deg}}°",
+    point: "{{x}}; {{y}} m",
     goalLeft: "faltan {{distance}}, unos {{seconds}}",
     noGoal: "ninguno",
     saying: "«{{text}}»",
