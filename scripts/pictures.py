@@ -35,6 +35,7 @@ from tests.end_to_end import screens  # noqa: E402
 from tests.end_to_end.accessible import PHONE, TABLET, WIDE  # noqa: E402
 from tests.end_to_end.conftest import CHROMIUM_FLAGS  # noqa: E402
 from tests.end_to_end.stage import Stage  # noqa: E402
+from tests.processes import Client  # noqa: E402
 
 SIZES = (WIDE, TABLET, PHONE)
 LANGUAGES = {"en": "en-US", "es": "es-ES"}
@@ -48,6 +49,10 @@ DOCS = {
     "dashboard": "dashboard-driving-1440-light-en",
     "dashboard-question": "dashboard-question-1440-dark-en",
     "dashboard-stopped-es": "dashboard-stopped-1440-light-es",
+    "phone-battery": "dashboard-battery-390-light-en",
+    "dashboard-log": "dashboard-log-1440-light-en",
+    "dashboard-people": "dashboard-people-1440-dark-en",
+    "phone-go-here": "dashboard-go-here-390-light-en",
     "tablet": "dashboard-talking-820-light-en",
     "phone": "dashboard-question-390-light-en",
     "phone-map": "dashboard-map-390-dark-en",
@@ -91,6 +96,9 @@ class Dashboard:
         self._stage = stage
         self._talked = False  # whether there is something to see in the conversation of this page
         self._down = False  # whether this ended the robot server
+        self._low = False  # whether this robot has little charge
+        self._ana: Client | None = None  # who drives the robot beside this page
+        self._drives: asyncio.Task[str] | None = None
 
     @property
     def screens(self) -> list[Screen]:
@@ -102,8 +110,12 @@ class Dashboard:
             Screen("sessions", come=self._drawer, go=self._shut, sizes=(TABLET,)),
             Screen("question", come=self._ask, go=screens.refused),
             Screen("driving", come=self._drive, holds=is_driving),
-            Screen("map", come=self._look, go=self._talk_again, sizes=(PHONE,), holds=is_driving),
+            Screen("map", come=self._look, go=screens.talking, sizes=(PHONE,), holds=is_driving),
+            Screen("go-here", come=self._point, go=self._point_no_more),
+            Screen("log", come=self._log, go=self._log_no_more),
+            Screen("people", come=self._people, go=self._people_leave, holds=self._held),
             Screen("stopped", come=self._stop, go=screens.released),
+            Screen("battery", come=self._drain, go=self._charge),
             Screen("robot-down", come=self._lose, go=self._find),
         ]
 
@@ -146,12 +158,66 @@ class Dashboard:
             await screens.driving(page, next(FAR))
 
     async def _look(self, page: Page) -> None:
-        await self._talk_again(page)
+        await screens.talking(page)
         await self._drive(page)
-        await page.locator("nav").get_by_role("button").nth(1).tap()
+        await screens.on_the_map(page)
 
-    async def _talk_again(self, page: Page) -> None:
-        await page.locator("nav").get_by_role("button").first.tap()
+    async def _point(self, page: Page) -> None:
+        if await page.get_by_test_id("go-here-bar").count() == 0:
+            await screens.idle(page)
+            await screens.on_the_map(page)
+            await page.get_by_test_id("go-here").click()
+        await page.get_by_test_id("go-here-place").select_option("lab 2.3.7")
+
+    async def _point_no_more(self, page: Page) -> None:
+        await page.get_by_test_id("go-here-cancel").click()
+        await screens.talking(page)
+
+    async def _log(self, page: Page) -> None:
+        await self._talk(page)
+        await screens.log_open(page)
+
+    async def _log_no_more(self, page: Page) -> None:
+        await screens.log_shut(page)
+
+    async def _people(self, page: Page) -> None:
+        """Somebody else's drive goes on, and it is seen who that is and how to take over."""
+        if self._ana is None:
+            self._ana = await self._stage.somebody("Ana")
+        if not await self._held(page):
+            await screens.idle(page)
+            self._drives = self._ana.later(self._ana.prompt(f"go to {next(FAR)}"))
+            await expect(page.get_by_test_id("status-holder")).to_be_visible()
+        if await page.get_by_test_id("people-menu").count() == 0:
+            await page.get_by_test_id("people").click()
+        await expect(page.get_by_test_id("take-over")).to_be_visible()
+
+    async def _held(self, page: Page) -> bool:
+        return await page.get_by_test_id("take-over").count() > 0
+
+    async def _people_leave(self, page: Page) -> None:
+        await self._shut(page)
+        if self._ana is not None and self._drives is not None:
+            await self._ana.cancel()
+            await self._drives  # a cancel that is cut off with its connection is lost
+            await self._ana.close()
+            self._ana = None
+        await expect(page.get_by_test_id("status-holder")).to_have_count(0)
+
+    async def _drain(self, page: Page) -> None:
+        await self._talk(page)
+        if not self._low:
+            self._stage.restart("robot", ROBOT_ACP_ROBOT__SIMULATOR__BATTERY="0.16")
+            self._low = True
+            await expect(page.get_by_test_id("robot-state")).to_have_attribute("data-state", "charging")
+            await screens.driving(page, "reception")  # away from its dock
+            await screens.idle(page)
+        await expect(page.get_by_test_id("battery-band")).to_be_visible()
+
+    async def _charge(self, page: Page) -> None:
+        self._stage.restart("robot")
+        self._low = False
+        await expect(page.get_by_test_id("battery-band")).to_have_count(0)
 
     async def _stop(self, page: Page) -> None:
         await self._talk(page)

@@ -96,3 +96,37 @@ async def released(page: Page) -> None:
     await page.get_by_test_id("release").click()
     await page.get_by_test_id("release-confirm").click()
     await expect(page.get_by_test_id("stop-band")).to_have_count(0)
+
+
+async def view(page: Page, at: int) -> None:
+    """One of a phone's views, by its place in the bar; on a larger screen all are there."""
+    tabs = page.locator(".tabs").get_by_role("button")
+    if await tabs.count() > 0:
+        await tabs.nth(at).click()
+        await expect(tabs.nth(at)).to_have_attribute("aria-current", "page")
+
+
+async def talking(page: Page) -> None:
+    """The conversation is in sight."""
+    await view(page, 0)
+
+
+async def on_the_map(page: Page) -> None:
+    """The map is in sight."""
+    await view(page, 1)
+
+
+async def log_open(page: Page) -> None:
+    """The log of the session is in sight, with what is in it."""
+    await view(page, 2)
+    fold = page.get_by_test_id("activity-fold")
+    if await fold.count() > 0 and await fold.get_attribute("aria-expanded") == "false":
+        await fold.click()
+    await page.get_by_test_id("log-tab").click()
+    await expect(page.get_by_test_id("log-row").first).to_be_visible()
+
+
+async def log_shut(page: Page) -> None:
+    """The panel shows the turn again, and a phone the conversation."""
+    await page.get_by_role("tab").first.click()
+    await talking(page)

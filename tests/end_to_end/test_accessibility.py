@@ -152,6 +152,92 @@ async def test_what_is_cut_off(stage: Stage, open_plain: Opener) -> None:
         await screens.online(page)
 
 
+async def resized(page: Page, size: dict[str, int]) -> None:
+    """The page has the layout of another device, too."""
+    await page.set_viewport_size(size)
+    layout = {WIDE["width"]: "wide", TABLET["width"]: "medium", PHONE["width"]: "phone"}[size["width"]]
+    await expect(page.locator(".app")).to_have_attribute("data-layout", layout)
+
+
+async def test_the_activity_of_a_session(stage: Stage, open_plain: Opener) -> None:
+    page = await open_dashboard(stage, open_plain, **SPANISH)
+    await screens.talked(page)
+    for size in (WIDE, TABLET, PHONE):
+        await resized(page, size)
+        await screens.log_open(page)
+        await everywhere(page, "the log", size)
+        await page.get_by_test_id("log-row").first.get_by_role("button").click()
+        await expect(page.get_by_test_id("log-details")).to_be_visible()
+        await page.get_by_test_id("log-filter-tools").click()
+        await page.get_by_test_id("activity").get_by_role("searchbox").fill("noon")
+        await expect(page.get_by_test_id("log-filter-tools")).to_have_attribute("aria-pressed", "false")
+        await everywhere(page, "the log, filtered, an event unfolded", size)
+        await page.get_by_test_id("activity").get_by_role("searchbox").fill("nothing has these words")
+        await expect(page.get_by_test_id("log-row")).to_have_count(0)
+        await everywhere(page, "nothing found in the log", size)
+        await page.get_by_role("tab").first.click()
+        await expect(page.get_by_test_id("phases")).to_have_attribute("data-state", "measured")
+        await expect(page.get_by_test_id("plot-battery")).to_be_visible()
+        await everywhere(page, "timeline and plots", size)
+    await screens.talking(page)
+    await screens.driving(page)
+    await screens.view(page, 2)
+    await expect(page.get_by_test_id("phases")).to_have_attribute("data-state", "running")
+    await everywhere(page, "the timeline of a turn that runs", PHONE)
+    await screens.talking(page)
+    await screens.cancelled(page)
+
+
+async def test_people_and_taking_over(stage: Stage, open_plain: Opener) -> None:
+    page = await open_dashboard(stage, open_plain, **SPANISH)
+    await screens.new_session(page)
+    ana = await stage.somebody("Ana Fernández de Córdoba")
+    ben = await stage.somebody("Ben")
+    turn = ana.later(ana.prompt("say that lunch is ready"))
+    await expect(page.get_by_test_id("permission")).to_be_visible()  # she has the robot until somebody answers
+    await expect(page.get_by_test_id("status-holder")).to_be_visible()
+    waits = ben.later(ben.prompt("go to reception"))
+    await page.get_by_test_id("people").click()
+    await expect(page.locator("[data-holding=waits]")).to_be_visible()
+    for size in (WIDE, TABLET, PHONE):
+        await resized(page, size)
+        await expect(page.get_by_test_id("take-over")).to_be_visible()
+        await everywhere(page, "who is here", size)
+    await page.get_by_test_id("take-over").click()
+    await expect(page.get_by_role("alertdialog", name="¿Tomar el control de Sancho?")).to_be_visible()
+    await everywhere(page, "shall it be taken over?")
+    await page.keyboard.press("Escape")
+    await ben.cancel()
+    await ana.cancel()
+    await waits
+    await turn
+    await ben.close()
+    await ana.close()
+
+
+async def test_the_map_with_camera_and_go_here(stage: Stage, open_plain: Opener) -> None:
+    page = await open_dashboard(stage, open_plain, **SPANISH)
+    await screens.new_session(page)
+    camera = page.get_by_test_id("camera-picture")
+    for size in (WIDE, TABLET, PHONE):
+        await resized(page, size)
+        await screens.on_the_map(page)
+        await expect(camera).to_be_visible()
+        await everywhere(page, "the camera in its corner", size)
+        await page.get_by_test_id("go-here").click()
+        await everywhere(page, "where to?", size)
+        await page.get_by_test_id("go-here-place").select_option("lab 2.3.7")
+        await expect(page.get_by_test_id("go-here-go")).to_be_enabled()
+        await everywhere(page, "a place is chosen", size)
+        await page.get_by_test_id("go-here-cancel").click()
+        await page.get_by_test_id("camera-size").click()
+        await everywhere(page, "the camera, large", size)
+        await page.get_by_test_id("camera-size").click()
+    with stage.without("robot"):
+        await expect(camera).to_have_count(0)
+        await everywhere(page, "no picture from the camera")
+
+
 async def test_other_people_and_a_low_battery(stage: Stage, open_plain: Opener) -> None:
     stage.restart("robot", ROBOT_ACP_ROBOT__SIMULATOR__BATTERY="0.16")
     page = await open_dashboard(stage, open_plain, **SPANISH)
@@ -162,11 +248,14 @@ async def test_other_people_and_a_low_battery(stage: Stage, open_plain: Opener) 
     await ask(page, "go to reception")
     await expect(page.get_by_test_id("tool-card").last).to_have_attribute("data-status", "pending")
     await everywhere(page, "somebody else holds the robot, and there is a queue")
-    viewer = await open_plain(f"{stage.base}/#token={stage.robot.token('Vic', Role.VIEWER)}")
+    viewer = await open_plain(stage.page("Vic", Role.VIEWER))
+    await expect(viewer.get_by_test_id("robot-state")).to_be_visible()  # the login has been taken
     await viewer.goto(f"{stage.base}/#/s/{ana.session}")
     await expect(viewer.get_by_test_id("tool-card").first).to_be_visible()
     await expect(viewer.get_by_test_id("status-battery")).to_have_attribute("data-tone", "danger")
     await everywhere(viewer, "read-only, with a low battery")
+    await expect(page.get_by_test_id("battery-band")).to_be_visible()
+    await everywhere(page, "the battery is low")
     await ana.cancel()
     await turn
     await ana.close()
@@ -213,6 +302,10 @@ async def test_the_sessions(stage: Stage, open_plain: Opener) -> None:
     await drawer.get_by_role("searchbox").fill("nothing has this name")
     await expect(drawer.get_by_test_id("session-item")).to_have_count(0)
     await everywhere(page, "no session found", TABLET)
+    await drawer.get_by_role("searchbox").fill("Sue")
+    await expect(drawer.get_by_test_id("session-item").first).to_be_visible()
+    await everywhere(page, "sessions found", TABLET)
+    await page.keyboard.press("Escape")
     await page.keyboard.press("Escape")
     await expect(drawer).to_have_count(0)
     await page.set_viewport_size(WIDE)

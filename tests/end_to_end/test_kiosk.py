@@ -250,6 +250,12 @@ async def test_the_dashboard_speaks_spanish_and_remembers_it(up: Up, open_page: 
     await page.get_by_role("button", name="You are Sue").click()
     await page.get_by_role("menuitemradio", name="Español").click()
     await expect(page.get_by_test_id("stop")).to_have_text("Parar")
+    # What the agent calls by a name that the page knows, too.
+    await page.get_by_test_id("select-mode").click()
+    supervised = page.get_by_role("menuitemradio", name="Supervisado")
+    await expect(supervised).to_contain_text("pregunta antes de hablar")
+    await expect(supervised).to_have_attribute("aria-checked", "true")
+    await page.keyboard.press("Escape")
     await page.set_viewport_size(PHONE)
     await page.reload()
     await expect(page.get_by_test_id("robot-state")).to_contain_text("listo")

@@ -4,15 +4,16 @@
  */
 import type { RequestPermissionRequest, RequestPermissionResponse } from "@agentclientprotocol/sdk";
 import i18next from "../i18n";
+import { callWords, type Call } from "../i18n/known";
 import { getState, setState, toast, type Question } from "../state/store";
-import { asNumber, asString, previewOf, type Decision } from "./meta";
+import { asNumber, asString, previewOf, toolOf, type Decision } from "./meta";
 
 const CANCELLED: RequestPermissionResponse = { outcome: { outcome: "cancelled" } };
 
 let asked = 0;
 
 /** What was asked here and not answered here, by session and tool call: others may decide it. */
-const unanswered = new Map<string, string>();
+const unanswered = new Map<string, Call>();
 
 const nameOf = (sessionId: string, toolCallId: string): string => `${sessionId} ${toolCallId}`;
 
@@ -34,6 +35,7 @@ export function ask(
       key,
       sessionId: request.sessionId,
       toolCallId,
+      tool: toolOf(request.toolCall._meta),
       title: request.toolCall.title ?? titleOf(request.sessionId, toolCallId),
       asker: asString(request._meta?.["robot-acp/asker"]),
       subject: asString(request._meta?.["robot-acp/subject"]),
@@ -44,7 +46,7 @@ export function ask(
       timeoutS,
       answer,
     };
-    unanswered.set(nameOf(question.sessionId, toolCallId), question.title);
+    unanswered.set(nameOf(question.sessionId, toolCallId), question);
     setState((state) => ({
       questions: [
         ...state.questions.filter(
@@ -77,8 +79,9 @@ function titleOf(sessionId: string, toolCallId: string): string {
 /** Somebody has decided on this tool call: nobody here needs to, but whoever was asked here wants to know. */
 export function decided(sessionId: string, toolCallId: string, decision: Decision): void {
   closeQuestion(sessionId, toolCallId);
-  const what = unanswered.get(nameOf(sessionId, toolCallId));
-  if (what === undefined) return;
+  const call = unanswered.get(nameOf(sessionId, toolCallId));
+  if (call === undefined) return;
+  const what = callWords(call);
   unanswered.delete(nameOf(sessionId, toolCallId));
   if (decision.reason === "timeout") toast("info", i18next.t("question.decidedTimeout", { what }));
   if (decision.reason !== "selected" || decision.by === null) return;

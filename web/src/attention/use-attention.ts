@@ -1,6 +1,7 @@
 /** Calls a person to each new question once: a sound, and a notification while the page is not in front. */
 import { useEffect, useRef } from "react";
 import { useTranslation } from "react-i18next";
+import { callWords } from "../i18n/known";
 import { robotName, useStore } from "../state/store";
 import { Calls } from "./fresh";
 import { isInFront, notify } from "./notification";
@@ -28,8 +29,9 @@ export function useAttention(onClick: () => void): void {
     const settings = useAttentionSettings.getState();
     if (settings.sound) chime();
     if (settings.notify && !isInFront()) {
-      for (const { key, title } of fresh) {
-        shown.current.set(key, notify(key, t("question.asks", { robot }), title, onClick));
+      for (const question of fresh) {
+        const title = t("question.asks", { robot });
+        shown.current.set(question.key, notify(question.key, title, callWords(question), onClick));
       }
     }
   }, [questions, robot, t, onClick]);

@@ -10,7 +10,7 @@ import { TurnView } from "./turn-view";
 const Plots = lazy(() => import("./plots"));
 
 export default function ActivityBody() {
-  const { t } = useTranslation();
+  const { t, i18n } = useTranslation();
   const sessionId = useStore((state) => state.currentId);
   return (
     <Tabs.Root defaultValue="turn" className="activity-tabs">
@@ -32,7 +32,8 @@ export default function ActivityBody() {
         {sessionId === null ? (
           <p className="muted small log-none">{t("log.noSession")}</p>
         ) : (
-          <LogView key={sessionId} sessionId={sessionId} />
+          // Its rows are in the words of the language in which they were read.
+          <LogView key={`${sessionId} ${i18n.language}`} sessionId={sessionId} />
         )}
       </Tabs.Content>
     </Tabs.Root>

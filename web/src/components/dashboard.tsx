@@ -5,6 +5,7 @@ import { startDashboard } from "../acp/dashboard";
 import { recordSamples } from "../acp/record-samples";
 import { useAttention } from "../attention/use-attention";
 import { useLayout } from "../hooks/use-media";
+import { callWords } from "../i18n/known";
 import { robotName, useStore } from "../state/store";
 import { Alerts } from "./alerts";
 import { ActivityPanel } from "./activity-panel";
@@ -64,7 +65,8 @@ function useDocumentTitle(): void {
   const { t } = useTranslation();
   const robot = useStore(robotName);
   const count = useStore((state) => state.questions.length);
-  const what = useStore((state) => state.questions[0]?.title ?? "");
+  const question = useStore((state) => state.questions[0] ?? null);
+  const what = question === null ? "" : callWords(question);
   const stopped = useStore((state) => state.stop !== null);
   useEffect(() => {
     if (count > 0) document.title = t("title.asks", { robot, count, what });

@@ -22,6 +22,7 @@ import type { Layout } from "../hooks/use-media";
 import { useRobotState } from "../hooks/use-robot-state";
 import { LANGUAGES, speakAlways } from "../i18n";
 import { fixed, percent, speed } from "../i18n/format";
+import { callWords } from "../i18n/known";
 import { robotName, useMe, useStore } from "../state/store";
 import { Mark } from "./mark";
 import { PeopleMenu } from "./people-menu";
@@ -164,18 +165,20 @@ function QuestionChip({ onClick }: { onClick: () => void }) {
   const name = useStore(robotName);
   const question = useStore((state) => state.questions[0] ?? null);
   if (question === null) return null;
+  const what = callWords(question);
   return (
     <button
       type="button"
       className="question-chip"
       data-testid="question-chip"
-      title={t("question.show", { what: question.title })}
+      title={t("question.show", { what })}
       onClick={onClick}
     >
       <ShieldQuestion aria-hidden />
       <span className="question-chip-text">
-        <strong>{t("question.asks", { robot: name })}</strong>{" "}
-        <span className="question-chip-what">{question.title}</span>
+        <strong>{t("question.asks", { robot: name })}</strong>
+        {" · "}
+        <span className="question-chip-what">{what}</span>
       </span>
     </button>
   );

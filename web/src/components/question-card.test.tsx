@@ -18,6 +18,7 @@ const QUESTION: Question = {
   key: "q1",
   sessionId: "s1",
   toolCallId: "c3",
+  tool: "speak",
   title: "Say aloud: “The meeting is at noon.”",
   asker: "Ana",
   subject: "Say something aloud",
@@ -76,6 +77,7 @@ describe("the question", () => {
     cleanup();
     const drive: Question = {
       ...QUESTION,
+      tool: "navigate_to_pose",
       title: "Drive to (4.2, 3.0)",
       input: { x: 4.2, y: 3, yaw: 1.5 },
       preview: { pathLength: 14.24, seconds: 25.4 },

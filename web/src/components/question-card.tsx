@@ -10,6 +10,7 @@ import { askAllowance, useAllowance } from "../attention/notification";
 import { change, useAttentionSettings } from "../attention/settings";
 import { useNow } from "../hooks/use-now";
 import { fixed, metres } from "../i18n/format";
+import { callWords, toolWords } from "../i18n/known";
 import { canApprove } from "../state/rights";
 import { robotName, useMe, useStore, type Question } from "../state/store";
 import { untold } from "../state/untold";
@@ -67,6 +68,7 @@ export function QuestionCard({ question, count }: { question: Question; count: n
   const [alive, setAlive] = useState(false);
   const [every, setEvery] = useState(false);
   const bornAt = useRef(0);
+  const title = callWords(question);
   const ids = { title: useId(), text: useId(), what: useId() };
   const always = pick(question.options, true);
   const chosen = pick(question.options, every);
@@ -115,7 +117,7 @@ export function QuestionCard({ question, count }: { question: Question; count: n
       {/* A long text scrolls; whoever has only a keyboard must be able to read it to its end. */}
       {/* eslint-disable-next-line jsx-a11y/no-noninteractive-tabindex */}
       <p className="question-text" id={ids.text} tabIndex={0}>
-        {question.title === "" ? t("question.untitled") : question.title}
+        {title === "" ? t("question.untitled") : title}
       </p>
       <div id={ids.what}>
         <What question={question} />
@@ -136,7 +138,9 @@ export function QuestionCard({ question, count }: { question: Question; count: n
             <Tick label={t("question.every")} checked={every} onChange={setEvery} testId="permission-every" />
           )}
           <p className="muted small" data-testid="permission-rule" role="status">
-            {every ? t("question.rule", { what: question.subject ?? question.title }) : t("question.once")}
+            {every
+              ? t("question.rule", { what: toolWords(question.tool, question.subject ?? title) })
+              : t("question.once")}
           </p>
         </div>
         <div className="question-buttons">
@@ -168,7 +172,7 @@ export function QuestionCard({ question, count }: { question: Question; count: n
 function What({ question }: { question: Question }) {
   const { t } = useTranslation();
   const { preview } = question;
-  const rest = untold(question.title, question.input);
+  const rest = untold(callWords(question), question.input);
   return (
     <>
       {preview !== null && (

@@ -7,6 +7,7 @@ import { learnAbilities } from "../acp/abilities";
 import { askAllowance, useAllowance } from "../attention/notification";
 import { change, useAttentionSettings } from "../attention/settings";
 import { useLayout } from "../hooks/use-media";
+import { toolWords } from "../i18n/known";
 import { canApprove } from "../state/rights";
 import { conversationOf, robotName, useMe, useStore } from "../state/store";
 import { Tick } from "./tick";
@@ -110,7 +111,7 @@ function Remembered() {
         <li key={tool}>
           {allowed ? <CircleCheck aria-hidden /> : <CircleX aria-hidden />}
           <span>
-            <strong>{titles[tool] ?? words(tool)}</strong>:{" "}
+            <strong>{toolWords(tool, titles[tool] ?? words(tool))}</strong>:{" "}
             {t(`attention.${allowed ? "rememberedAllowed" : "rememberedRefused"}`)}
           </span>
         </li>

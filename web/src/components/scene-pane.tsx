@@ -1,7 +1,7 @@
 /** The live map, and in words what it shows. */
 import { useState } from "react";
 import { useTranslation } from "react-i18next";
-import { degrees, fixed, metres, percent, seconds, speed } from "../i18n/format";
+import { degrees, fixed, metres, percent, wholeSeconds, speed } from "../i18n/format";
 import { useRobotState } from "../hooks/use-robot-state";
 import { robotName, useStore } from "../state/store";
 import { SceneView } from "./scene-view";
@@ -29,7 +29,7 @@ function StatusList() {
   const { pose, motion, battery, charging, linear } = telemetry;
   return (
     <dl className="status-list">
-      <Row name={t("scene.doing")} wide>
+      <Row name={t("scene.doing")} wide twice>
         <Doing />
       </Row>
       <Row name={t("scene.goal")} wide>
@@ -37,12 +37,16 @@ function StatusList() {
           <span className="muted">{t("scene.noGoal")}</span>
         ) : (
           <>
-            {motion.place ?? (motion.goal && `${fixed(motion.goal.x, 1)}, ${fixed(motion.goal.y, 1)} m`)}
+            {motion.place ??
+              (motion.goal && t("scene.point", { x: fixed(motion.goal.x, 1), y: fixed(motion.goal.y, 1) }))}
             {motion.distance !== null && motion.seconds !== null && (
               <span className="muted">
                 {" "}
                 ·{" "}
-                {t("scene.goalLeft", { distance: metres(motion.distance), seconds: seconds(motion.seconds) })}
+                {t("scene.goalLeft", {
+                  distance: metres(motion.distance),
+                  seconds: wholeSeconds(motion.seconds),
+                })}
               </span>
             )}
           </>
@@ -51,8 +55,10 @@ function StatusList() {
       <Row name={t("scene.position")}>
         {pose && t("scene.pose", { x: fixed(pose.x, 2), y: fixed(pose.y, 2), deg: degrees(pose.yaw) })}
       </Row>
-      <Row name={t("scene.speed")}>{linear === null ? t("status.unknown") : speed(linear)}</Row>
-      <Row name={t("scene.battery")}>
+      <Row name={t("scene.speed")} twice>
+        {linear === null ? t("status.unknown") : speed(linear)}
+      </Row>
+      <Row name={t("scene.battery")} twice>
         {battery === null ? t("status.unknown") : percent(battery)}
         {charging && <span className="muted"> · {t("scene.charging")}</span>}
       </Row>
@@ -60,9 +66,11 @@ function StatusList() {
   );
 }
 
-function Row({ name, wide, children }: { name: string; wide?: boolean; children: React.ReactNode }) {
+/** `twice`: the line at the top and the plots tell it, too. */
+function Row(props: { name: string; wide?: boolean; twice?: boolean; children: React.ReactNode }) {
+  const { name, wide, twice, children } = props;
   return (
-    <div className="status-row" data-wide={wide}>
+    <div className="status-row" data-wide={wide} data-twice={twice}>
       <dt>{name}</dt>
       <dd>{children}</dd>
     </div>

@@ -15,6 +15,8 @@ import { Collapsible } from "radix-ui";
 import { useTranslation } from "react-i18next";
 import type { Decision } from "../acp/meta";
 import { isRecord } from "../acp/meta";
+import { metres, wholeSeconds } from "../i18n/format";
+import { callWords } from "../i18n/known";
 import type { ToolItem } from "../state/conversation";
 import { useStore } from "../state/store";
 import { outcomeOf, summaryOf, type Outcome } from "../state/summary";
@@ -41,6 +43,7 @@ export function ToolCard({ item }: { item: ToolItem }) {
   );
   const outcome = outcomeOf(item, asking || item.waiting === "permission");
   const summary = summaryOf(item, outcome);
+  const title = callWords(item);
   const Icon = ICONS[outcome];
   return (
     <Collapsible.Root asChild>
@@ -49,11 +52,11 @@ export function ToolCard({ item }: { item: ToolItem }) {
         data-testid="tool-card"
         data-status={item.status}
         data-outcome={outcome}
-        aria-label={item.title}
+        aria-label={title}
       >
         <div className="tool-head">
           <Icon aria-hidden className="tool-icon" />
-          <span className="tool-title">{item.title}</span>
+          <span className="tool-title">{title}</span>
           <span className="tool-word">{t(`tool.${outcome}`)}</span>
           {hasDetails(item) && (
             <Collapsible.Trigger
@@ -80,26 +83,39 @@ export function ToolCard({ item }: { item: ToolItem }) {
 
 function Progress({ item }: { item: ToolItem }) {
   const { t } = useTranslation();
-  const { fraction, message } = item.progress ?? { fraction: null, message: "" };
+  const fraction = item.progress?.fraction ?? null;
+  const left = useLeft(item);
   const value = fraction === null ? undefined : Math.round(fraction * 100);
   return (
     <div className="tool-progress">
       <div
         className="track"
         role="progressbar"
-        aria-label={t("tool.progress", { title: item.title })}
+        aria-label={t("tool.progress", { title: callWords(item) })}
         aria-valuemin={0}
         aria-valuemax={100}
         aria-valuenow={value}
-        aria-valuetext={message}
+        aria-valuetext={left}
       >
         <span className="track-done" style={{ width: `${value ?? 100}%` }} />
       </div>
       <span className="tool-left" aria-hidden="true">
-        {message}
+        {left}
       </span>
     </div>
   );
+}
+
+/** What is left: in numbers from telemetry where it is the robot's own motion, else in the words of the tool. */
+function useLeft(item: ToolItem): string {
+  const { t } = useTranslation();
+  const motion = useStore((state) => state.telemetry?.motion ?? null);
+  const words = item.progress?.message ?? "";
+  if (motion?.seconds == null) return words;
+  const time = wholeSeconds(motion.seconds);
+  if (item.tool === "rotate_in_place" && motion.kind === "rotate") return t("tool.left", { seconds: time });
+  if (item.tool?.startsWith("navigate_to_") !== true || motion.distance === null) return words;
+  return t("scene.goalLeft", { distance: metres(motion.distance), seconds: time });
 }
 
 function Media({ item }: { item: ToolItem }) {
@@ -107,7 +123,7 @@ function Media({ item }: { item: ToolItem }) {
     if (part.type !== "content") return null;
     const block = part.content;
     if (block.type === "image") {
-      return <Picture key={index} data={block.data} mimeType={block.mimeType} title={item.title} />;
+      return <Picture key={index} data={block.data} mimeType={block.mimeType} title={callWords(item)} />;
     }
     return block.type === "audio" ? <Sound key={index} data={block.data} mimeType={block.mimeType} /> : null;
   });

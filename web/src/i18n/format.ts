@@ -30,6 +30,11 @@ export function seconds(value: number): string {
   return i18next.t("summary.seconds", { value: number(value, value < 10 ? 1 : 0) });
 }
 
+/** How long something will take: nobody needs the tenths of a guess. */
+export function wholeSeconds(value: number): string {
+  return i18next.t("summary.seconds", { value: number(Math.ceil(value), 0) });
+}
+
 export function metres(value: number): string {
   return i18next.t("summary.metres", { value: number(value, 1) });
 }

@@ -52,7 +52,7 @@ describe("what the robot is doing for a visitor", () => {
   it("waits for a member of staff, and says for what", () => {
     expect(said(play(...call("speak", "pending", "permission")))).toEqual({
       kind: "permission",
-      what: "Title of speak",
+      what: "Say aloud: “Hello.”",
       says: "Hello.",
     });
   });

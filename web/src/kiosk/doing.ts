@@ -2,6 +2,7 @@
 import type { LinkState } from "../acp/link";
 import { asString, isRecord } from "../acp/meta";
 import type { Telemetry } from "../acp/telemetry";
+import { callWords } from "../i18n/known";
 import type { Conversation, Item, ToolItem } from "../state/conversation";
 
 export type Doing =
@@ -42,7 +43,7 @@ export function doing(
   }
   const tool = exchange(conversation).findLast((item) => item.kind === "tool");
   if (tool?.status === "pending" && tool.waiting === "permission")
-    return { kind: "permission", what: tool.title, says: sentenceOf(tool) };
+    return { kind: "permission", what: callWords(tool), says: sentenceOf(tool) };
   if (tool?.status === "pending" && tool.waiting === "robot") return { kind: "queue" };
   return tool?.status === "in_progress" ? working(tool, telemetry) : { kind: "thinking" };
 }
@@ -64,14 +65,14 @@ function working(tool: ToolItem, telemetry: Telemetry | null): Doing {
       return { kind: "photo" };
     case "speak": {
       const text = telemetry?.speaking ?? sentenceOf(tool);
-      return text === null ? { kind: "tool", what: tool.title } : { kind: "speaking", text };
+      return text === null ? { kind: "tool", what: callWords(tool) } : { kind: "speaking", text };
     }
     case "get_topological_map":
     case "get_current_pose":
     case "get_robot_status":
       return { kind: "thinking" }; // a glance, over before it could be read
     default:
-      return { kind: "tool", what: tool.title };
+      return { kind: "tool", what: callWords(tool) };
   }
 }
 

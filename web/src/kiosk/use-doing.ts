@@ -1,7 +1,7 @@
 /** What the robot is doing for the visitor, and the words for it. */
 import { useTranslation } from "react-i18next";
 import { useShallow } from "zustand/react/shallow";
-import { fixed, metres } from "../i18n/format";
+import { metres, wholeSeconds } from "../i18n/format";
 import { EMPTY } from "../state/conversation";
 import { robotName, useStore } from "../state/store";
 import { doing, type Doing } from "./doing";
@@ -45,6 +45,5 @@ export function useDoingDetail(what: Doing): string {
   }
   if (what.kind !== "driving" || what.metres === null || what.seconds === null) return "";
   if (what.metres < NEAR_M) return t("doing.near");
-  const whole = t("summary.seconds", { value: fixed(Math.ceil(what.seconds), 0) });
-  return t("doing.left", { distance: metres(what.metres), seconds: whole });
+  return t("doing.left", { distance: metres(what.metres), seconds: wholeSeconds(what.seconds) });
 }

@@ -4,7 +4,8 @@
  */
 import type { ContentBlock, ToolCallContent } from "@agentclientprotocol/sdk";
 import type { Event } from "../acp/events";
-import { authorOf, decisionOf, progressOf, turnOf, waitingOf } from "../acp/meta";
+import { authorOf, decisionOf, progressOf, toolOf, turnOf, waitingOf } from "../acp/meta";
+import { callWords, modeName, settingName } from "../i18n/known";
 
 export const MOST = 10_000;
 const LONGEST = 200;
@@ -70,9 +71,11 @@ function told(update: Event["update"], titles: Titles): [Kind, string] {
       return ["thought", blockText(update.content)];
     case "plan":
       return ["plan", update.entries.map(({ content }) => content).join(" · ")];
-    case "tool_call":
-      titles.set(update.toolCallId, update.title);
-      return [update.status === "in_progress" ? "begun" : "tool", update.title];
+    case "tool_call": {
+      const title = callWords({ tool: toolOf(update._meta), input: update.rawInput, title: update.title });
+      titles.set(update.toolCallId, title);
+      return [update.status === "in_progress" ? "begun" : "tool", title];
+    }
     case "tool_call_update": {
       const title = update.title ?? titles.get(update.toolCallId) ?? "";
       const words = contentText(update.content ?? []);
@@ -89,9 +92,9 @@ function told(update: Event["update"], titles: Titles): [Kind, string] {
       return [update.status === "in_progress" ? "begun" : "tool", title];
     }
     case "current_mode_update":
-      return ["mode", update.currentModeId];
+      return ["mode", modeName(update.currentModeId)];
     case "config_option_update":
-      return ["settings", update.configOptions.map(({ name }) => name).join(", ")];
+      return ["settings", update.configOptions.map(({ id, name }) => settingName(id, name)).join(", ")];
     case "session_info_update": {
       const turn = turnOf(update._meta);
       if (turn?.state === "ended") return ["ended", turn.stopReason ?? ""];

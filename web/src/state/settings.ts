@@ -1,12 +1,7 @@
 /** Mode and model of a session as two simple choices, whichever of ACP's two ways the agent publishes them in. */
 import type { SessionConfigSelectOption } from "@agentclientprotocol/sdk";
+import { modeWords, type Choice } from "../i18n/known";
 import type { Conversation } from "./conversation";
-
-export interface Choice {
-  value: string;
-  name: string;
-  description: string | null;
-}
 
 export interface Setting {
   /** The config option to set; null when it is set as an ACP mode. */
@@ -41,16 +36,15 @@ function setting(conversation: Offered, category: "mode" | "model"): Setting | n
 
 export function modeSetting(conversation: Offered): Setting | null {
   const option = setting(conversation, "mode");
-  if (option !== null || conversation.modes === null) return option;
+  if (option !== null) return { ...option, choices: option.choices.map(modeWords) };
+  if (conversation.modes === null) return null;
   return {
     configId: null,
     name: "",
     current: conversation.modes.current,
-    choices: conversation.modes.available.map(({ id, name, description }) => ({
-      value: id,
-      name,
-      description: description ?? null,
-    })),
+    choices: conversation.modes.available.map(({ id, name, description }) =>
+      modeWords({ value: id, name, description: description ?? null }),
+    ),
   };
 }
 

@@ -18,6 +18,8 @@ export interface Question {
   key: string;
   sessionId: string;
   toolCallId: string;
+  /** The tool's own name, where the agent tells it. */
+  tool: string | null;
   title: string;
   asker: string | null;
   /** What an answer for the whole session would count for, in words. */

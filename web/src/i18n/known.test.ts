@@ -1,0 +1,66 @@
+/** What is known is said in the reader's language; what is not, or only looks like it, stays as it came. */
+import { afterEach, beforeEach, describe, expect, it } from "vitest";
+import i18next from ".";
+import { callWords, modeName, modeWords, settingName, toolWords } from "./known";
+
+const drive = { tool: "navigate_to_place", input: { place: "lab 2.3.7" }, title: "Drive to lab 2.3.7" };
+const OBSERVE = "Looks and answers; nothing moves, nothing is said aloud.";
+
+describe("in English", () => {
+  it("says what the robot's own titles say", () => {
+    expect(callWords(drive)).toBe("Drive to lab 2.3.7");
+    expect(toolWords("speak", "")).toBe("Say something aloud");
+  });
+});
+
+describe("in Spanish", () => {
+  beforeEach(async () => {
+    await i18next.changeLanguage("es");
+  });
+  afterEach(async () => {
+    await i18next.changeLanguage("en");
+  });
+
+  it("says what a known call does, with its arguments as they are", () => {
+    expect(callWords(drive)).toBe("Ir a lab 2.3.7");
+    expect(callWords({ tool: "navigate_to_pose", input: { x: 4.25, y: -3 }, title: "" })).toBe(
+      "Ir a (4.25; -3)",
+    );
+    const said = "Costs $t(mode.plan) and {{text}} & <b>";
+    expect(callWords({ tool: "speak", input: { text: said }, title: "" })).toBe(
+      `Decir en voz alta: «${said}»`,
+    );
+  });
+
+  it("leaves what is not known as it came", () => {
+    expect(callWords({ tool: "polish_floor", input: {}, title: "Polish the floor" })).toBe(
+      "Polish the floor",
+    );
+    expect(callWords({ tool: "guest__speak", input: { text: "hi" }, title: "guest: Speak" })).toBe(
+      "guest: Speak",
+    );
+    expect(callWords({ tool: "constructor", input: {}, title: "Build" })).toBe("Build");
+    expect(callWords({ ...drive, tool: null })).toBe("Drive to lab 2.3.7");
+    expect(toolWords("polish_floor", "Polish the floor")).toBe("Polish the floor");
+    expect(modeName("plan-mode")).toBe("plan-mode");
+    expect(settingName("temperature", "Temperature")).toBe("Temperature");
+  });
+
+  it("leaves a call whose arguments are not what they should be", () => {
+    expect(callWords({ ...drive, input: { place: 7 } })).toBe("Drive to lab 2.3.7");
+    expect(callWords({ ...drive, input: undefined })).toBe("Drive to lab 2.3.7");
+  });
+
+  it("knows a mode by what it does, not by its name alone", () => {
+    const observe = { value: "observe", name: "Observe", description: OBSERVE };
+    expect(modeWords(observe)).toMatchObject({ name: "Observar", value: "observe" });
+    expect(modeWords(observe).description).toContain("nada se mueve");
+    const other = { value: "plan", name: "Plan", description: "Writes a plan, then edits files." };
+    expect(modeWords(other)).toEqual(other);
+  });
+
+  it("names modes and settings of the log", () => {
+    expect(modeName("supervised")).toBe("Supervisado");
+    expect(settingName("motion_asks", "Ask before driving")).toBe("Preguntar antes de moverse");
+  });
+});

@@ -1,0 +1,81 @@
+/**
+ * What agent and robot call by a known name, in the reader's language: tools, modes, settings. Whatever is not known
+ * here, or is not what it should be, stays as it came; no free text is ever read to guess what it means.
+ */
+import { isRecord } from "../acp/meta";
+import en from "./locales/en";
+import i18next from "./index";
+
+export interface Choice {
+  value: string;
+  name: string;
+  description: string | null;
+}
+
+export interface Call {
+  /** The tool's own name; that of another server than the robot's bears the server's name, and is not known. */
+  tool: string | null;
+  input: unknown;
+  title: string;
+}
+
+type Values = Record<string, string | number>;
+type Kind = "string" | "number";
+
+/** The arguments that stand in the title of a call. */
+const ARGUMENTS: Record<keyof typeof en.toolCall, Record<string, Kind>> = {
+  get_topological_map: {},
+  get_current_pose: {},
+  get_robot_status: {},
+  take_photo: {},
+  navigate_to_place: { place: "string" },
+  navigate_to_pose: { x: "number", y: "number" },
+  rotate_in_place: { degrees: "number" },
+  speak: { text: "string" },
+};
+
+function knows<Texts extends object>(
+  texts: Texts,
+  name: string | null,
+): name is Extract<keyof Texts, string> {
+  return name !== null && Object.hasOwn(texts, name);
+}
+
+/** What a call does. Its arguments stand in it as they are: who decides must be able to compare. */
+export function callWords({ tool, input, title }: Call): string {
+  if (!knows(en.toolCall, tool)) return title;
+  const values = valuesOf(ARGUMENTS[tool], input);
+  return values === null ? title : i18next.t(`toolCall.${tool}`, values);
+}
+
+function valuesOf(wanted: Record<string, Kind>, input: unknown): Values | null {
+  const given = isRecord(input) ? input : {};
+  const values: Values = {};
+  for (const [name, kind] of Object.entries(wanted)) {
+    const value = given[name];
+    if (typeof value !== kind || value === "") return null;
+    values[name] = value as string | number;
+  }
+  return values;
+}
+
+/** What a tool does, whatever its arguments. */
+export function toolWords(tool: string | null, title: string): string {
+  return knows(en.tools, tool) ? i18next.t(`tools.${tool}`) : title;
+}
+
+/** Another agent's mode may have the same name and mean something else: its text must be the one that is known. */
+export function modeWords({ value, name, description }: Choice): Choice {
+  if (!knows(en.mode, value) || name !== en.mode[value] || description !== en.modeText[value])
+    return { value, name, description };
+  return { value, name: i18next.t(`mode.${value}`), description: i18next.t(`modeText.${value}`) };
+}
+
+/** A mode of which only the name is told. */
+export function modeName(id: string): string {
+  return knows(en.mode, id) ? i18next.t(`mode.${id}`) : id;
+}
+
+export function settingName(id: string, name: string): string {
+  return knows(en.setting, id) ? i18next.t(`setting.${id}`) : name;
+}
