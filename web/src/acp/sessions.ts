@@ -11,7 +11,7 @@ import {
   type SessionNotification,
 } from "@agentclientprotocol/sdk";
 import i18next from "../i18n";
-import { EMPTY, type Conversation } from "../state/conversation";
+import { EMPTY, hasEnded, type Conversation } from "../state/conversation";
 import { cancelAsked, opened, promptEnded, promptFailed, promptSent, sessionReducer } from "../state/reducer";
 import { refreshed } from "../state/session-list";
 import type { Setting } from "../state/settings";
@@ -19,7 +19,7 @@ import { getState, robotName, setState, toast, type State } from "../state/store
 import { agentNow, hear } from "./agent-clock";
 import { tell } from "./events";
 import { atOf, decisionOf, takenOverBy } from "./meta";
-import { closeQuestionsOf, decided } from "./questions";
+import { closeQuestionsOf, decided, settled } from "./questions";
 import { rememberSession, sessionOfAddress } from "./address";
 
 const CWD = "/";
@@ -63,6 +63,7 @@ export function receive(notification: SessionNotification): void {
   if (update.sessionUpdate === "tool_call_update") {
     const decision = decisionOf(update._meta);
     if (decision !== null) decided(sessionId, update.toolCallId, decision);
+    if (hasEnded(update.status)) settled(sessionId, update.toolCallId);
   }
   if (update.sessionUpdate === "session_info_update" && update.title !== undefined) {
     const title = update.title;
