@@ -24,6 +24,12 @@ import { rememberSession, sessionOfAddress } from "./address";
 
 const CWD = "/";
 
+/** A page that is open for days keeps this many sessions: the one on the screen, and those that were there last. */
+export const KEPT = 10;
+
+/** The sessions that were on the screen, the newest last. */
+let shown: string[] = [];
+
 /** Null while there is no connection: the one place from which the functions below reach the agent. */
 let agent: ClientContext | null = null;
 
@@ -142,11 +148,23 @@ export function attach(sessionId: string, answer: NewSessionResponse | LoadSessi
   });
 }
 
+/** In the address, and among those that are kept; whichever was left longest ago goes, unless a turn runs in it. */
+function putOnScreen(sessionId: string): void {
+  rememberSession(sessionId);
+  const { attached, conversations, drafts } = getState();
+  const here = (other: string): boolean => other in conversations || other in drafts;
+  shown = [...shown.filter((other) => other !== sessionId && here(other)), sessionId];
+  for (const old of shown.slice(0, -KEPT)) {
+    const running = attached.has(old) && conversations[old]?.turn != null;
+    if (!running && !(old in drafts)) forgetSession(old);
+  }
+}
+
 /** Shows a session; false when it does not exist (any more). Throws when the connection breaks meanwhile. */
 export async function openSession(sessionId: string): Promise<boolean> {
   const { attached, drafts } = getState();
   setState({ currentId: sessionId, opening: !attached.has(sessionId) });
-  rememberSession(sessionId);
+  putOnScreen(sessionId);
   const peer = agent;
   if (attached.has(sessionId) || sessionId in drafts || peer === null) return true;
   try {
@@ -185,7 +203,7 @@ export async function watchSession(sessionId: string): Promise<void> {
   await listSessions().catch(() => undefined);
 }
 
-/** Lets go of a session that is only watched: what comes of it is not kept any more. */
+/** Lets go of a session that is not on the screen: what comes of it is not kept any more. */
 export function forgetSession(sessionId: string): void {
   const { currentId, questions } = getState();
   if (sessionId === currentId || questions.some((question) => question.sessionId === sessionId)) return;
@@ -215,7 +233,7 @@ export async function newSession(): Promise<void> {
   attach(answer.sessionId, answer);
   if (getState().currentId !== currentId) return; // somebody has chosen another one meanwhile
   setState({ currentId: answer.sessionId, opening: false });
-  rememberSession(answer.sessionId);
+  putOnScreen(answer.sessionId);
 }
 
 function withoutSession({ sessions, found }: State, sessionId: string): Pick<State, "sessions" | "found"> {
