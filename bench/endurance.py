@@ -4,9 +4,10 @@
 
 `robot-acp up` at a high time scale, in the mode that asks nobody. A program prompts in one session without a pause, for
 drives, speech and photos; the dashboard shows it, with its scene. Every 10 s of wall time: the resident memory of the
-three processes; of the page its JavaScript heap after a forced collection and its DOM nodes. Printed are the medians of
-the first and the last quarter, and the median slope between any two samples of the second half: there caches are full,
-and what still grows is a leak.
+three processes; of the page, with the scene in it, its JavaScript heap after a forced collection, its DOM nodes and its
+listeners. Printed are the medians of the first and the last quarter, the median slope between any two samples of the
+second half, and what each quarter grew by per 1,000 turns. That tells the two kinds of growth apart: a leak grows as
+much in every quarter, a cache that fills up less and less.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import os
 import statistics
 import tempfile
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
@@ -43,43 +45,61 @@ LOW, FULL = 0.4, 0.8
 Sample = dict[str, float]
 
 
-async def work(client: Client, watched: Watched) -> None:
-    """Prompt until cancelled."""
-    for prompt in itertools.cycle(PROMPTS):
-        await client.prompt(prompt)
-        if watched.state.battery.level < LOW:
-            await client.prompt("go to the dock")
-            await watched.until(lambda: watched.state.battery.level > FULL, "the battery to be charged", 600)
+@dataclass
+class Work:
+    """Prompts until cancelled; `turns` is how many are over."""
+
+    client: Client
+    watched: Watched
+    turns: int = 0
+
+    async def run(self) -> None:
+        """One prompt after the other."""
+        for prompt in itertools.cycle(PROMPTS):
+            await self._turn(prompt)
+            if self.watched.state.battery.level < LOW:
+                await self._turn("go to the dock")
+                await self.watched.until(lambda: self.watched.state.battery.level > FULL, "a charged battery", 600)
+
+    async def _turn(self, prompt: str) -> None:
+        await self.client.prompt(prompt)
+        self.turns += 1
         # What this program keeps of it is no part of what is measured.
-        client.heard.clear()
-        del watched.states[:-1]
+        self.client.heard.clear()
+        self.watched.spoken.clear()
+        del self.watched.states[:-1]
 
 
 async def sample(processes: dict[str, Process], page: CDPSession) -> Sample:
-    """What everything holds at this moment, in MB, and the DOM nodes."""
+    """What everything holds at this moment, in MB, and the page's DOM nodes and listeners."""
     await page.send("HeapProfiler.collectGarbage")
     heap = (await page.send("Runtime.getHeapUsage"))["usedSize"]
-    nodes = (await page.send("Memory.getDOMCounters"))["nodes"]
+    dom = await page.send("Memory.getDOMCounters")
     resident = {f"{name} (MB)": process.memory / 1e6 for name, process in processes.items()}
-    return resident | {"page's heap (MB)": heap / 1e6, "page's DOM (nodes)": nodes}
+    counted = {"page's DOM (nodes)": dom["nodes"], "page's listeners": dom["jsEventListeners"]}
+    return resident | {"page's heap (MB)": heap / 1e6} | counted
 
 
-def typical_slope(times: list[float], values: list[float]) -> float:
+def typical_slope(along: list[float], values: list[float]) -> float:
     """The median slope between any two (Theil and Sen): one odd sample does not tilt it."""
-    pairs = itertools.combinations(zip(times, values, strict=True), 2)
-    slopes = [(later - earlier) / (to - since) for (since, earlier), (to, later) in pairs]
+    pairs = itertools.combinations(zip(along, values, strict=True), 2)
+    slopes = [(later - earlier) / (to - since) for (since, earlier), (to, later) in pairs if to > since]
     return statistics.median(slopes) if slopes else 0.0
 
 
-def report(times: list[float], samples: list[Sample]) -> None:
-    """First and last quarter, and the slope of the second half."""
-    quarter, half = max(len(samples) // 4, 1), len(samples) // 2
-    print(f"{'':20} {'first quarter':>14} {'last quarter':>14} {'slope an hour':>14}")
+def report(times: list[float], turns: list[float], samples: list[Sample]) -> None:
+    """First and last quarter, the slope of the second half, and the growth in each quarter by the turns in it."""
+    quarters = [slice(len(samples) * n // 4, len(samples) * (n + 1) // 4) for n in range(4)]
+    half = slice(len(samples) // 2, None)
+    print(f"{'':20} {'first':>9} {'last':>9} {'slope':>9}   grown per 1,000 turns, by quarter")
+    print(f"{'':20} {'quarter':>9} {'quarter':>9} {'an hour':>9} {'1st':>9} {'2nd':>9} {'3rd':>9} {'4th':>9}")
     for name in samples[0]:
         values = [one[name] for one in samples]
-        slope = typical_slope(times[half:], values[half:]) * 3600
-        first, last = statistics.median(values[:quarter]), statistics.median(values[-quarter:])
-        print(f"{name:20} {first:14.1f} {last:14.1f} {slope:+14.1f}", flush=True)
+        first, last = (statistics.median(values[quarter]) for quarter in (quarters[0], quarters[3]))
+        slope = typical_slope(times[half], values[half]) * 3600
+        grown = [typical_slope(turns[quarter], values[quarter]) * 1000 for quarter in quarters]
+        by_quarter = " ".join(f"{one:+9.2f}" for one in grown)
+        print(f"{name:20} {first:9.1f} {last:9.1f} {slope:+9.2f} {by_quarter}", flush=True)
 
 
 async def measure(running: Up, minutes: float, keep: TextIO) -> None:
@@ -87,17 +107,20 @@ async def measure(running: Up, minutes: float, keep: TextIO) -> None:
     client = await Client.open(f"tcp://127.0.0.1:{running.robot.agent_port}")
     session = await client.new()
     times: list[float] = []
+    turns: list[float] = []
     samples: list[Sample] = []
     async with running.robot.watched() as watched, dashboard(running.login_url) as page:
         await page.evaluate("session => { location.hash = `/s/${session}` }", session)
         wire = await page.context.new_cdp_session(page)
         processes = processes_of(running)
-        working = client.later(work(client, watched))
+        work = Work(client, watched)
+        working = client.later(work.run())
         begun = time.monotonic()
         while (at := time.monotonic() - begun) < minutes * 60 and not working.done():
             times.append(at)
+            turns.append(work.turns)
             samples.append(await sample(processes, wire))
-            keep.write(json.dumps({"seconds": round(at)} | samples[-1]) + "\n")
+            keep.write(json.dumps({"seconds": round(at), "turns": work.turns} | samples[-1]) + "\n")
             keep.flush()
             await asyncio.wait([working], timeout=EVERY_S - (time.monotonic() - begun - at))
         if working.done():
@@ -106,8 +129,8 @@ async def measure(running: Up, minutes: float, keep: TextIO) -> None:
         await asyncio.gather(working, return_exceptions=True)
         seen = await page.evaluate("document.querySelectorAll('[data-testid=user-message]').length")
     await client.close()
-    print(f"{times[-1] / 60:.0f} minutes, {len(samples)} samples, {seen} prompts on the page")
-    report(times, samples)
+    print(f"{times[-1] / 60:.0f} minutes, {work.turns} turns, {len(samples)} samples, {seen} prompts on the page")
+    report(times, turns, samples)
 
 
 def main() -> None:

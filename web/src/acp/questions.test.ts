@@ -3,6 +3,7 @@ import type { RequestPermissionRequest } from "@agentclientprotocol/sdk";
 import { beforeEach, expect, it } from "vitest";
 import { getState, INITIAL, setState } from "../state/store";
 import { ask, decided } from "./questions";
+import { receive } from "./sessions";
 
 const REQUEST: RequestPermissionRequest = {
   sessionId: "s1",
@@ -61,6 +62,18 @@ it("says who decided also when the question was withdrawn before", () => {
   withdrawn.abort();
   decided("s1", "c3", { ...BEN, option: "reject_once" });
   expect(getState().toasts.map(({ text }) => text)).toEqual(["Ben refused it: Say aloud: “Hello.”"]);
+});
+
+it("is nobody's business any more once the call has ended undecided, as with a turn that is cancelled", () => {
+  const withdrawn = new AbortController();
+  void ask(REQUEST, withdrawn.signal);
+  withdrawn.abort();
+  receive({
+    sessionId: "s1",
+    update: { sessionUpdate: "tool_call_update", toolCallId: "c3", status: "failed" },
+  });
+  decided("s1", "c3", BEN);
+  expect(getState().toasts).toEqual([]);
 });
 
 it("tells nobody of their own decision", () => {

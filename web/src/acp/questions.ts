@@ -90,6 +90,11 @@ export function decided(sessionId: string, toolCallId: string, decision: Decisio
   toast("info", i18next.t(allowed ? "question.decidedAllowed" : "question.decidedRefused", { name, what }));
 }
 
+/** The call has ended and nobody decides on it any more, as when its turn was cancelled. */
+export function settled(sessionId: string, toolCallId: string): void {
+  unanswered.delete(nameOf(sessionId, toolCallId));
+}
+
 function closeQuestion(sessionId: string, toolCallId: string): void {
   for (const question of getState().questions) {
     if (question.sessionId === sessionId && question.toolCallId === toolCallId) question.answer(CANCELLED);

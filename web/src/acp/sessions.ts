@@ -11,7 +11,7 @@ import {
   type SessionNotification,
 } from "@agentclientprotocol/sdk";
 import i18next from "../i18n";
-import { EMPTY, type Conversation } from "../state/conversation";
+import { EMPTY, hasEnded, type Conversation } from "../state/conversation";
 import { cancelAsked, opened, promptEnded, promptFailed, promptSent, sessionReducer } from "../state/reducer";
 import { refreshed } from "../state/session-list";
 import type { Setting } from "../state/settings";
@@ -19,10 +19,16 @@ import { getState, robotName, setState, toast, type State } from "../state/store
 import { agentNow, hear } from "./agent-clock";
 import { tell } from "./events";
 import { atOf, decisionOf, takenOverBy } from "./meta";
-import { closeQuestionsOf, decided } from "./questions";
+import { closeQuestionsOf, decided, settled } from "./questions";
 import { rememberSession, sessionOfAddress } from "./address";
 
 const CWD = "/";
+
+/** A page that is open for days keeps this many sessions: the one on the screen, and those that were there last. */
+export const KEPT = 10;
+
+/** The sessions that were on the screen, the newest last. */
+let shown: string[] = [];
 
 /** Null while there is no connection: the one place from which the functions below reach the agent. */
 let agent: ClientContext | null = null;
@@ -63,6 +69,7 @@ export function receive(notification: SessionNotification): void {
   if (update.sessionUpdate === "tool_call_update") {
     const decision = decisionOf(update._meta);
     if (decision !== null) decided(sessionId, update.toolCallId, decision);
+    if (hasEnded(update.status)) settled(sessionId, update.toolCallId);
   }
   if (update.sessionUpdate === "session_info_update" && update.title !== undefined) {
     const title = update.title;
@@ -141,11 +148,23 @@ export function attach(sessionId: string, answer: NewSessionResponse | LoadSessi
   });
 }
 
+/** In the address, and among those that are kept; whichever was left longest ago goes, unless a turn runs in it. */
+function putOnScreen(sessionId: string): void {
+  rememberSession(sessionId);
+  const { attached, conversations, drafts } = getState();
+  const here = (other: string): boolean => other in conversations || other in drafts;
+  shown = [...shown.filter((other) => other !== sessionId && here(other)), sessionId];
+  for (const old of shown.slice(0, -KEPT)) {
+    const running = attached.has(old) && conversations[old]?.turn != null;
+    if (!running && !(old in drafts)) forgetSession(old);
+  }
+}
+
 /** Shows a session; false when it does not exist (any more). Throws when the connection breaks meanwhile. */
 export async function openSession(sessionId: string): Promise<boolean> {
   const { attached, drafts } = getState();
   setState({ currentId: sessionId, opening: !attached.has(sessionId) });
-  rememberSession(sessionId);
+  putOnScreen(sessionId);
   const peer = agent;
   if (attached.has(sessionId) || sessionId in drafts || peer === null) return true;
   try {
@@ -184,7 +203,7 @@ export async function watchSession(sessionId: string): Promise<void> {
   await listSessions().catch(() => undefined);
 }
 
-/** Lets go of a session that is only watched: what comes of it is not kept any more. */
+/** Lets go of a session that is not on the screen: what comes of it is not kept any more. */
 export function forgetSession(sessionId: string): void {
   const { currentId, questions } = getState();
   if (sessionId === currentId || questions.some((question) => question.sessionId === sessionId)) return;
@@ -214,7 +233,7 @@ export async function newSession(): Promise<void> {
   attach(answer.sessionId, answer);
   if (getState().currentId !== currentId) return; // somebody has chosen another one meanwhile
   setState({ currentId: answer.sessionId, opening: false });
-  rememberSession(answer.sessionId);
+  putOnScreen(answer.sessionId);
 }
 
 function withoutSession({ sessions, found }: State, sessionId: string): Pick<State, "sessions" | "found"> {

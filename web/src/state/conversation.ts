@@ -11,6 +11,11 @@ import type { Timeline } from "./timeline";
 
 export type ToolStatus = "pending" | "in_progress" | "completed" | "failed";
 
+/** Whether a tool call with this status is over: nothing more comes of it. */
+export function hasEnded(status: ToolStatus | null | undefined): boolean {
+  return status === "completed" || status === "failed";
+}
+
 export interface UserItem {
   kind: "user";
   key: string;

@@ -21,6 +21,7 @@ describe("a row", () => {
     return [kind, text];
   };
   const call = { sessionUpdate: "tool_call_update" as const, toolCallId: "c" };
+  const announced = { sessionUpdate: "tool_call" as const, toolCallId: "c", title: "Say hello" };
 
   it("says what happened, with the title of the call that it is about", () => {
     expect(
@@ -30,9 +31,7 @@ describe("a row", () => {
         _meta: { "robot-acp/by": "Ana" },
       }),
     ).toEqual(["asked", "Ana: go"]);
-    expect(
-      row({ sessionUpdate: "tool_call", toolCallId: "c", title: "Say hello", status: "pending" }),
-    ).toEqual(["tool", "Say hello"]);
+    expect(row({ ...announced, status: "pending" })).toEqual(["tool", "Say hello"]);
     expect(
       row({ ...call, status: "pending", _meta: { "robot-acp/waiting": { for: "permission" } } }),
     ).toEqual(["question", "Say hello"]);
@@ -48,6 +47,7 @@ describe("a row", () => {
         _meta: { "robot-acp/decision": { ...decision, option: "reject_once" } },
       }),
     ).toEqual(["refused", "Ben: Say hello"]);
+    row(announced);
     expect(row({ ...call, status: "completed" })).toEqual(["done", "Say hello"]);
     expect(
       row({
@@ -55,6 +55,17 @@ describe("a row", () => {
         _meta: { "robot-acp/turn": { id: "t", state: "ended", stopReason: "end_turn" } },
       }),
     ).toEqual(["ended", "end_turn"]);
+  });
+
+  it("of a call that has ended leaves nothing behind, however it ended", () => {
+    const decision = { by: "Ben", option: "reject_once", reason: "selected" };
+    row(announced);
+    row({ ...call, status: "completed" });
+    row(announced);
+    row({ ...call, status: "failed" });
+    row(announced);
+    row({ ...call, status: "failed", _meta: { "robot-acp/decision": decision } });
+    expect(titles.size).toBe(0);
   });
 
   it("is small, whatever its event holds", () => {

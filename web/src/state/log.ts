@@ -6,6 +6,7 @@ import type { ContentBlock, ToolCallContent } from "@agentclientprotocol/sdk";
 import type { Event } from "../acp/events";
 import { authorOf, decisionOf, progressOf, toolOf, turnOf, waitingOf } from "../acp/meta";
 import { callWords, modeName, settingName } from "../i18n/known";
+import { hasEnded } from "./conversation";
 
 export const MOST = 10_000;
 const LONGEST = 200;
@@ -52,11 +53,13 @@ export interface Row {
   text: string;
 }
 
-/** Titles of tool calls by their ids: what follows a call does not repeat its title. */
+/** Titles of tool calls that have not ended, by their ids: what follows a call does not repeat its title. */
 export type Titles = Map<string, string>;
 
 export function rowOf({ seq, at, update }: Event, titles: Titles): Row {
   const [kind, text] = told(update, titles);
+  const ends = update.sessionUpdate === "tool_call_update" && hasEnded(update.status);
+  if (ends) titles.delete(update.toolCallId); // else a log that is looked at for days keeps those of every call
   const line = text.replace(/\s+/g, " ").trim();
   return { seq, at, kind, text: line.length > LONGEST ? `${line.slice(0, LONGEST - 1)}…` : line };
 }

@@ -25,7 +25,15 @@ import {
   waitingOf,
   type Decision,
 } from "../acp/meta";
-import type { AgentItem, Conversation, Item, NoteItem, ToolItem, UserItem } from "./conversation";
+import {
+  hasEnded,
+  type AgentItem,
+  type Conversation,
+  type Item,
+  type NoteItem,
+  type ToolItem,
+  type UserItem,
+} from "./conversation";
 import { begunAt, overAt, timelineReducer } from "./timeline";
 
 type Update<Kind extends SessionUpdate["sessionUpdate"]> = Extract<SessionUpdate, { sessionUpdate: Kind }>;
@@ -162,7 +170,6 @@ function toolCallUpdate(state: Conversation, update: ToolCallUpdate): Conversati
   const progress = progressOf(update._meta);
   const waiting = waitingOf(update._meta);
   const status = update.status ?? item.status;
-  const ended = status === "completed" || status === "failed";
   const tool = toolOf(update._meta) ?? item.tool;
   const decision = decisionOf(update._meta);
   return replaceAt(remembering(state, tool, decision), index, {
@@ -174,7 +181,7 @@ function toolCallUpdate(state: Conversation, update: ToolCallUpdate): Conversati
     content: progress === null && waiting === null ? (update.content ?? item.content) : item.content,
     input: update.rawInput ?? item.input,
     output: update.rawOutput ?? item.output,
-    progress: ended ? null : (progress ?? item.progress),
+    progress: hasEnded(status) ? null : (progress ?? item.progress),
     waiting: status === "pending" ? (waiting ?? item.waiting) : null,
     decision: decision ?? item.decision,
   });
