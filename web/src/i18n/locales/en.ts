@@ -91,7 +91,7 @@ const en = {
     again_other: "Trying again in {{count}} s.",
     now: "Trying again …",
     tryNow: "Try now",
-    silent: "Nothing is heard from {{robot}}: what it does now is not known here. Stop still works.",
+    silent: "Nothing is heard from {{robot}}: what it does now is not known here.",
     robot:
       "{{robot}} cannot be reached: the robot server does not answer. It is asked again every few seconds.",
   },

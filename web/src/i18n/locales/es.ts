@@ -99,7 +99,7 @@ const es = {
     again_other: "Nuevo intento en {{count}} s.",
     now: "Intentándolo …",
     tryNow: "Intentar ahora",
-    silent: "No llega nada de {{robot}}: aquí no se sabe qué hace ahora. Parar sigue funcionando.",
+    silent: "No llega nada de {{robot}}: aquí no se sabe qué hace ahora.",
     robot:
       "No se llega a {{robot}}: el servidor del robot no responde. Se le vuelve a preguntar cada pocos segundos.",
   },
