@@ -320,7 +320,10 @@ class Camera:
 
 
 async def drawn(page: Page) -> None:
-    """The map, where one is in sight, is there in the size that it has on the page."""
+    """The map, where one is in sight, is there in the size that it has on the page; so is the camera's picture."""
+    camera = page.get_by_test_id("camera-view").filter(visible=True)
+    if await camera.count() > 0 and await page.get_by_test_id("robot-band").count() == 0:
+        await expect(camera).to_have_attribute("data-state", "live")
     frame = page.locator("iframe:visible")
     canvas = page.frame_locator("iframe:visible").locator("canvas").first
     async with asyncio.timeout(60):
