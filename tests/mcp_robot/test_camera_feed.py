@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import threading
 from pathlib import Path
 
 import pytest
@@ -38,3 +40,11 @@ async def test_a_camera_that_fails_is_asked_again(
     assert robot.asked >= 3
     feed.look_away(somebody)
     assert feed.latest is None
+
+
+async def test_pictures_that_are_asked_for_together_are_drawn_by_one_thread(office: World) -> None:
+    robot = SimulatedRobot(office, Limits())
+    before = set(threading.enumerate())
+    pictures = await asyncio.gather(*(robot.photo() for _ in range(4)))
+    assert all(picture.jpeg for picture in pictures)
+    assert len(set(threading.enumerate()) - before) == 1
