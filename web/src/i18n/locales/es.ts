@@ -148,7 +148,7 @@ const es = {
     thenTheirs: "{{robot}} se para y después hace lo que ha pedido {{name}}.",
     leaveIt: "Dejarlo así",
     hadNobody: "Ya nadie tiene el control de {{robot}}.",
-    changedHands: "No se ha tomado el control: ahora lo tiene {{name}}.",
+    changedHands: "No se ha tomado el control: ahora {{name}} tiene a {{robot}}.",
     awaited: "En espera hasta que {{robot}} esté libre",
     awaitedFrom: "En espera: {{name}} tiene el control de {{robot}}",
     awaitedOwn: "En espera: {{robot}} está ocupado en su otra sesión",
