@@ -1,14 +1,14 @@
 """Questions to people: may the robot do this? Everyone who may approve is asked; the first valid answer counts.
 
 Only an `allow_*` option that was offered allows. A rejection, an answer that makes no sense, no answer in
-time, nobody to ask, a lost connection: all of these refuse. The rest of the askers see the question withdrawn.
+time, nobody to ask: all of these refuse. The rest of the askers see the question withdrawn.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from typing import Any, Literal, Protocol
@@ -98,37 +98,64 @@ class Question:
     asked: dict[Approver, asyncio.Task[None]] = field(default_factory=dict)
 
 
-def nobody_may_come(not_by: str | None) -> bool:
-    """For a desk that stands alone: who is not attached does not come."""
-    del not_by
-    return False
+class Audience:
+    """Who may come to a desk without being attached to it: those who have gone a moment ago, and those who watch other
+    sessions, for telemetry tells them whose turn controls the robot. One for all desks: a page that is loaded again may
+    come to any of them. `everybody` tells who watches anything."""
+
+    def __init__(self, everybody: Callable[[], Iterable[Approver]] = tuple) -> None:
+        self._everybody = everybody
+        self._expected: dict[str, asyncio.TimerHandle] = {}
+        """Those who have gone a moment ago, by name, and when they are expected no longer."""
+        self.asking: set[PermissionDesk] = set()
+        """Desks with a question."""
+
+    def may_come(self, here: Collection[Approver], not_by: str | None) -> bool:
+        """Whether somebody other than `not_by` who may approve is not `here`, and may come."""
+        elsewhere = (person.name for person in self._everybody() if person.may_approve and person not in here)
+        return any(name != not_by for name in (*self._expected, *elsewhere))
+
+    def gone(self, approver: Approver) -> None:
+        """Expect somebody back for a while, if they could still answer."""
+        self.back(approver)
+        if approver.may_approve:
+            loop = asyncio.get_running_loop()
+            self._expected[approver.name] = loop.call_later(GRACE_S, self._expect_no_longer, approver.name)
+        else:
+            self._judge()
+
+    def back(self, approver: Approver) -> None:
+        """Somebody need not be expected any longer."""
+        if expected := self._expected.pop(approver.name, None):
+            expected.cancel()
+
+    def _expect_no_longer(self, name: str) -> None:
+        del self._expected[name]
+        self._judge()
+
+    def _judge(self) -> None:
+        for desk in self.asking:
+            desk.judge()
 
 
 class PermissionDesk:
-    """The pending questions of one session. `may_come` says whether somebody other than the one named who may approve
-    is connected without being attached: telemetry tells them whose turn controls the robot."""
+    """The pending questions of one session."""
 
     def __init__(
-        self,
-        timeout_s: float,
-        spawn: Callable[[Any], asyncio.Task[None]],
-        may_come: Callable[[str | None], bool] = nobody_may_come,
+        self, timeout_s: float, spawn: Callable[[Any], asyncio.Task[None]], audience: Audience | None = None
     ) -> None:
         self.timeout_s = timeout_s
         self._spawn = spawn
-        self._may_come = may_come
+        self._audience = audience or Audience()
         self._pending: list[Question] = []
         self._approvers: list[Approver] = []
-        self._expected: dict[str, asyncio.TimerHandle] = {}
-        """Those who have gone a moment ago, by name, and when they are expected no longer."""
 
     def attach(self, approver: Approver) -> None:
         """Someone who may approve has come: show what is pending, and ask from now on."""
         if approver in self._approvers:
             return
         self._approvers.append(approver)
-        if expected := self._expected.pop(approver.name, None):
-            expected.cancel()
+        self._audience.back(approver)
         for question in self._pending:
             self._put(question, approver)
 
@@ -142,32 +169,20 @@ class PermissionDesk:
             if task := question.asked.pop(approver, None):
                 task.cancel()
         if not returns:
-            self._expect(approver)
+            self._audience.gone(approver)
 
-    def _expect(self, approver: Approver) -> None:
-        """Wait for somebody who has gone, if they could still answer."""
-        name = approver.name
-        if before := self._expected.pop(name, None):
-            before.cancel()
-        if approver.may_approve:
-            self._expected[name] = asyncio.get_running_loop().call_later(GRACE_S, self._expect_no_longer, name)
-        else:
-            self._refuse_unseen()
-
-    def _expect_no_longer(self, name: str) -> None:
-        del self._expected[name]
-        self._refuse_unseen()
-
-    def _refuse_unseen(self) -> None:
+    def judge(self) -> None:
+        """Refuse the questions that nobody sees and nobody may come to. Whoever is here and not asked has given an
+        answer that does not count."""
         for question in self._pending:
-            if not question.asked and not question.verdict.done() and not self.attended(question.not_by):
+            seen = question.asked or self._audience.may_come(self._approvers, question.not_by)
+            if not seen and not question.verdict.done():
                 question.verdict.set_result(Verdict(False, "nobody"))
 
     def attended(self, not_by: str | None = None) -> bool:
-        """Whether a question has a chance: somebody other than `not_by` who may approve is attached, has gone a moment
-        ago, or may come."""
-        names = [*(approver.name for approver in self._approvers), *self._expected]
-        return any(name != not_by for name in names) or self._may_come(not_by)
+        """Whether a question has a chance: somebody other than `not_by` who may approve is attached, or may come."""
+        here = self._approvers
+        return any(approver.name != not_by for approver in here) or self._audience.may_come(here, not_by)
 
     async def ask(
         self,
@@ -203,6 +218,7 @@ class PermissionDesk:
         }
         question = Question(params, asyncio.get_running_loop().create_future(), not_by)
         self._pending.append(question)
+        self._audience.asking.add(self)
         for approver in self._approvers:
             self._put(question, approver)
         try:
@@ -212,6 +228,8 @@ class PermissionDesk:
             return Verdict(False, "timeout")
         finally:
             self._pending.remove(question)
+            if not self._pending:
+                self._audience.asking.discard(self)
             for task in question.asked.values():
                 task.cancel()
 
@@ -228,7 +246,7 @@ class PermissionDesk:
             option = read_answer(answer, offered) if approver.may_approve else None
         except ConnectionError:
             if question.asked.pop(approver, None) and approver in self._approvers:
-                self._expect(approver)
+                self._audience.gone(approver)
             return
         except Exception as error:  # an error response; it must not break the turn
             log.info("no answer from %s: %s", approver.name, type(error).__name__)
@@ -240,5 +258,4 @@ class PermissionDesk:
             question.verdict.set_result(Verdict(allowed, "selected", option, approver.name))
             return
         question.asked.pop(approver, None)
-        if not question.asked:  # whoever was left to ask gave no answer that counts
-            question.verdict.set_result(Verdict(False, "nobody"))
+        self.judge()

@@ -17,7 +17,7 @@ import orjson
 from backend.agent.history import History
 from backend.agent.journal import Journal
 from backend.agent.offered_servers import OfferedServers
-from backend.agent.permissions import Approver, PermissionDesk, nobody_may_come
+from backend.agent.permissions import Approver, Audience, PermissionDesk
 from backend.agent.store import Event, SessionRow, as_json
 
 UNWINDING_S = 2.0
@@ -78,12 +78,12 @@ class Session:
         seq: int,
         permission_timeout_s: float,
         spawn: Spawn,
-        may_come: Callable[[str | None], bool] = nobody_may_come,
+        audience: Audience | None = None,
     ) -> None:
         self.row = row
         self.history = history
         self.seq = seq
-        self.desk = PermissionDesk(permission_timeout_s, spawn, may_come)
+        self.desk = PermissionDesk(permission_timeout_s, spawn, audience)
         self.offered = OfferedServers()
         self.turn_id: str | None = None
         """The running turn; None between turns."""

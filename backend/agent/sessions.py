@@ -15,7 +15,8 @@ from backend.agent import present
 from backend.agent.abilities import look
 from backend.agent.history import History
 from backend.agent.journal import Journal
-from backend.agent.session import Session
+from backend.agent.permissions import Audience
+from backend.agent.session import Listener, Session
 from backend.agent.store import Event, SessionRow, Store, as_json
 from backend.agent.tool_server import ToolServer
 from backend.identity import Identity, Right
@@ -40,6 +41,7 @@ class Sessions:
         self._open: dict[str, Session] = {}
         self._opening = asyncio.Lock()
         self._tasks: set[asyncio.Task[None]] = set()
+        self._audience = Audience(self._everybody)
 
     @property
     def open_sessions(self) -> list[Session]:
@@ -167,14 +169,10 @@ class Sessions:
 
     def _in_memory(self, row: SessionRow, history: History, seq: int) -> Session:
         self._forget_idle()
-        return Session(
-            row, self._journal, history, seq, self._permission_timeout_s, self._spawn, self._somebody_may_come
-        )
+        return Session(row, self._journal, history, seq, self._permission_timeout_s, self._spawn, self._audience)
 
-    def _somebody_may_come(self, not_by: str | None) -> bool:
-        """Whether somebody other than `not_by` who may approve watches any session, and so can come to another."""
-        watching = (listener for session in self.open_sessions for listener in session.watching)
-        return any(listener.may_approve and listener.name != not_by for listener in watching)
+    def _everybody(self) -> list[Listener]:
+        return [listener for session in self.open_sessions for listener in session.watching]
 
     def _spawn(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
         task = asyncio.create_task(work)

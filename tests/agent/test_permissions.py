@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from backend.agent import permissions
-from backend.agent.permissions import PermissionDesk, Verdict, read_answer
+from backend.agent.permissions import Audience, PermissionDesk, Verdict, read_answer
 
 CALL = {"toolCallId": "t1", "title": "Say aloud: “Hi.”"}
 
@@ -40,9 +40,9 @@ class Person:
 
 
 class Desk:
-    def __init__(self, *people: Person, timeout_s: float = 5.0) -> None:
+    def __init__(self, *people: Person, timeout_s: float = 5.0, audience: Audience | None = None) -> None:
         self._tasks: list[asyncio.Task[None]] = []
-        self.desk = PermissionDesk(timeout_s, self._spawn)
+        self.desk = PermissionDesk(timeout_s, self._spawn, audience)
         for person in people:
             self.desk.attach(person)
 
@@ -154,7 +154,7 @@ async def test_nobody_to_ask_refuses_at_once() -> None:
 
 
 async def test_with_somebody_who_may_come_it_waits_and_asks_who_comes(ana: Person) -> None:
-    desk = PermissionDesk(5.0, asyncio.create_task, may_come=lambda not_by: not_by != "Ana")
+    desk = PermissionDesk(5.0, asyncio.create_task, Audience(lambda: [ana]))
     question = asyncio.create_task(desk.ask("s1", CALL, "speech", "Visitor"))
     await asyncio.sleep(0)
     assert not question.done()
@@ -180,6 +180,61 @@ async def test_when_the_last_one_leaves_and_does_not_come_back_it_is_refused(
     desk.desk.detach(ana)
     assert await question == Verdict(False, "nobody")
     assert await desk.ask() == Verdict(False, "nobody")  # nobody is expected any more
+
+
+async def test_one_whose_answer_did_not_count_keeps_no_question_open(
+    ana: Person, ben: Person, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(permissions, "GRACE_S", 0.05)
+    desk = Desk(ana, ben, timeout_s=60.0)
+    question = desk.ask()
+    await asked(ben)
+    assert ben.asked is not None
+    ben.asked.set_exception(RuntimeError("cannot show it"))
+    await asyncio.sleep(0)
+    desk.desk.detach(ana)
+    assert await question == Verdict(False, "nobody")
+
+
+async def test_one_whose_answer_did_not_count_speaks_for_nobody_who_is_expected(ana: Person, ben: Person) -> None:
+    desk = Desk(ana, ben)
+    desk.desk.detach(ana)
+    question = desk.ask()
+    await asked(ben)
+    assert ben.asked is not None
+    ben.asked.set_exception(RuntimeError("cannot show it"))
+    again = Person("Ana")
+    desk.desk.attach(again)
+    await asked(again)
+    assert again.asked is not None
+    again.asked.set_result(chosen("allow_once"))
+    assert (await question).by == "Ana"
+
+
+async def test_one_who_is_expected_is_expected_at_every_desk(ana: Person) -> None:
+    audience = Audience()
+    here, there = Desk(ana, audience=audience), Desk(audience=audience)
+    here.desk.detach(ana)
+    question = there.ask()
+    await asyncio.sleep(0)
+    assert not question.done()
+    there.desk.attach(ana)
+    await asked(ana)
+    assert ana.asked is not None
+    ana.asked.set_result(chosen("allow_once"))
+    assert (await question).by == "Ana"
+
+
+async def test_one_who_is_expected_no_longer_is_so_at_no_desk(ana: Person, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(permissions, "GRACE_S", 0.05)
+    watching = [ana]
+    audience = Audience(lambda: watching)
+    here, there = Desk(ana, audience=audience), Desk(audience=audience, timeout_s=60.0)
+    question = there.ask()
+    await asyncio.sleep(0)
+    watching.clear()
+    here.desk.detach(ana)
+    assert await question == Verdict(False, "nobody")
 
 
 async def test_one_whose_login_has_ended_is_not_waited_for(ana: Person) -> None:
