@@ -106,9 +106,9 @@ class Policy:
 
     def decide(self, mode: str, tool: ToolTraits, asker: Role, motion_asks: bool = False) -> Decision:
         """Whether `tool` may run in `mode` for `asker`; `motion_asks` is a session's wish that motion asks where it
-        is free."""
+        is free: of a tool that acts and is not known to speak, nobody knows that it moves nothing."""
         decision = self._by_mode(mode, tool)
-        if decision == "allow" and motion_asks and moves(tool):
+        if decision == "allow" and motion_asks and not tool.read_only and not speaks(tool):
             decision = "ask"
         if asker is Role.VISITOR:
             decision = max(decision, self._for_visitors(tool), key=_STRICTNESS.index)

@@ -79,6 +79,14 @@ class RobotLink:
         async with self._news:
             self._news.notify_all()
 
+    async def anew(self) -> telemetry.State | None:
+        """The state as it is now: one that the robot told after this was asked."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(STALE_S), self._news:
+                for _ in range(2):  # the next one may be on its way already
+                    await self._news.wait()
+        return self.state
+
     async def at_rest(self) -> None:
         """Return when the robot stands still and follows no goal; at once when nothing is known of it."""
         with contextlib.suppress(TimeoutError):

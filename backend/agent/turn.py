@@ -213,9 +213,10 @@ class Turn:
             await self._take_control(call_id, tool)
         try:
             if shows or await self._allowed(call_id, tool, arguments):
+                self._rehearsed = False  # a motion takes the place of what was only computed
                 await self._execute(call_id, tool, arguments, phase, looks, self._drawn(call_id) if shows else None)
         finally:
-            if self._rehearsed:  # however it ended
+            if self._rehearsed:  # however the question ended
                 self._rehearsed = False
                 await self.bench.link.forget_preview(call_id)
 
@@ -286,7 +287,8 @@ class Turn:
         asker = self.asker.name
         not_by = asker if tool.name in bench.four_eyes else None
         desk = self.session.desk
-        preview.not_stopped(tool, bench.link.state)
+        if bench.link.state and bench.link.state.stop:  # a release that was answered counts before it is heard of
+            preview.not_stopped(tool, await bench.link.anew())
         if not desk.attended(not_by):
             return Verdict(False, "nobody")
         way: dict[str, Any] | None = None

@@ -81,7 +81,8 @@ class Pilot:
         self._veto: Refusal | None = None  # set when the way of the motion under way became one that is refused
         self._intent: _Intent | None = None  # from a motion's first rule to its end
         self._planners = asyncio.Semaphore(MOST_PLANS)
-        self._preview: str | None = None  # whose way is drawn or being computed, until it is taken back
+        self._preview: Preview | None = None  # whose way is drawn or being computed, until it is taken back
+        self._preview_ends: asyncio.TimerHandle | None = None  # when it goes by itself
         self._brakings = 0  # how often brake was called: what began before one must not go on after it
         self.halted: Halt | None = None  # from a motion that ended by itself for safety's sake to the next one's begin
         self.speaking: str | None = None  # what is being said, while it is
@@ -119,28 +120,33 @@ class Pilot:
             return await self._plan(goal, final_yaw)
         if preview.rehearsal:
             self._may_move(goal)
+        elif self._preview and self._preview.rehearsal:
+            return await self._plan(goal, final_yaw)  # people are asked about that one
         self._drop_preview()  # the newest counts, and the one before does not come back
-        self._preview = preview.id
+        self._preview = preview
         try:
             route = await self._plan(goal, final_yaw)
         except BaseException:
-            self.forget_preview(preview.id)
+            if self._preview is preview:
+                self._drop_preview()
             raise
         # It may have been taken back meanwhile; and the path that is being driven matters more.
-        if self._preview == preview.id and self._intent is None:
+        if self._preview is preview and self._intent is None:
             self._show(route.points, preview=True)
-            asyncio.get_running_loop().call_later(PREVIEW_AGE, self.forget_preview, preview.id)
+            self._preview_ends = asyncio.get_running_loop().call_later(PREVIEW_AGE, self._drop_preview)
         return route
 
     def forget_preview(self, own: str) -> str | None:
         """Draw the way with this id no longer; one of another id, and one that is being driven, stays. Returns whose
         is drawn now."""
-        if self._preview == own:
+        if self._preview and self._preview.id == own:
             self._drop_preview()
-        return self._preview
+        return self._preview.id if self._preview else None
 
     def _drop_preview(self) -> None:
         self._preview = None
+        if self._preview_ends:
+            self._preview_ends.cancel()
         if self.path.preview:
             self._show((), preview=False)
 
@@ -313,8 +319,8 @@ class Pilot:
         often somebody had braked: a motion that begins later has to find the same number."""
         self._may_move(goal)
         self._motions.take(self.robot.clock())
-        self._intent, self._veto, self.halted = intent, None, None
         self._drop_preview()  # what moves is not what was only computed
+        self._intent, self._veto, self.halted = intent, None, None
         arrived = False
         try:
             yield self._brakings

@@ -75,3 +75,6 @@ def test_the_wish_that_motion_asks_counts_for_everyone() -> None:
     for role in (Role.VISITOR, Role.OPERATOR, Role.SUPERVISOR):
         assert Policy().decide("autonomous", DRIVE, role, motion_asks=True) == "ask"
         assert Policy().decide("observe", DRIVE, role, motion_asks=True) == "deny"
+        assert Policy().decide("autonomous", ToolTraits("drive_to", False), role, motion_asks=True) == "ask"
+    assert Policy().decide("autonomous", SPEAK, Role.OPERATOR, motion_asks=True) == "allow"
+    assert Policy().decide("autonomous", LOOK, Role.OPERATOR, motion_asks=True) == "allow"

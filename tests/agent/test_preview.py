@@ -70,16 +70,35 @@ async def test_nobody_is_asked_for_what_the_robot_would_refuse(client: Client) -
 
 
 @pytest.mark.parametrize("words", ["go to the kitchen", "turn left by 20 degrees", "say hello"])
-async def test_nobody_is_asked_while_the_stop_is_set(robot: Robot, client: Client, words: str) -> None:
+async def test_nobody_is_asked_while_the_stop_is_set(robot: Robot, connect: Opener, client: Client, words: str) -> None:
+    teller = await connect(capabilities={"_meta": {"robot-acp/telemetry": {"rate": 10}}})
+
+    def stopped() -> bool:
+        """As the agent knows it."""
+        return teller.heard[-1]["params"].get("stop") is not None
+
     async with robot.watched() as watched:
         await client.link.request("_robot/stop", {})
-        await watched.until(lambda: watched.state.stop, "the stop")
+        await eventually(lambda: teller.heard and stopped(), "the agent to know of the stop")
         await client.prompt(words)
         await client.link.request("_robot/release", {})
         assert watched.previews == 0
     assert client.questions == []
     (end,) = [u for u in client.of("tool_call_update") if u.get("status") == "failed"]
     assert end["rawOutput"]["error"]["code"] == "stopped"
+
+
+async def test_a_release_counts_from_its_answer_on(robot: Robot, client: Client) -> None:
+    for _ in range(5):
+        await client.link.request("_robot/stop", {})
+        async with robot.watched() as watched:
+            await watched.until(lambda: watched.state.stop, "the stop")
+        await client.link.request("_robot/release", {})
+        asked = len(client.questions)
+        turn = client.later(client.prompt("say hello"))
+        await eventually(lambda known=asked: len(client.questions) > known, "the question")
+        await client.decide("reject_once")
+        assert await turn == "end_turn"
 
 
 async def test_a_look_into_another_way_is_not_drawn_over_that_of_a_question(

@@ -68,7 +68,7 @@ async def test_a_way_without_an_id_is_drawn_for_nobody(robot: Served) -> None:
     async with robot.mcp() as client:
         await drawn(client, "kitchen", id="a.1")
         await call(client, "navigate_to_place", place="lab 2.3.7", plan_only=True)
-        for nonsense in ({}, {"id": ""}, {"id": 7}, {"id": "x" * 300}):
+        for nonsense in ({}, {"id": ""}, {"id": 7}, {"id": "x" * 300}, {"id": "a/b"}):
             await drawn(client, "lab 2.3.7", **nonsense)
         way = await drawn_now(robot)
         assert way.points[-1] == pytest.approx(KITCHEN, abs=0.01)
@@ -91,6 +91,16 @@ async def test_the_newest_is_drawn_and_the_one_before_does_not_come_back(robot: 
         assert (await drawn_now(robot)).points[-1] == pytest.approx(LAB, abs=0.01)
         await http.delete("/preview/b.1")
         assert not (await drawn_now(robot)).points
+
+
+async def test_a_mere_look_is_not_drawn_over_the_way_that_people_are_asked_about(robot: Served) -> None:
+    async with robot.mcp() as client, robot.http() as http:
+        await drawn(client, "kitchen", id="a.1", rehearsal=True)
+        await drawn(client, "lab 2.3.7", id="b.1")
+        assert (await drawn_now(robot)).points[-1] == pytest.approx(KITCHEN, abs=0.01)
+        await drawn(client, "lab 2.3.7", id="b.2", rehearsal=True)
+        assert (await drawn_now(robot)).points[-1] == pytest.approx(LAB, abs=0.01)
+        await http.delete("/preview/b.2")
 
 
 async def test_a_preview_that_cannot_be_computed_leaves_none_of_another(robot: Served) -> None:

@@ -100,6 +100,8 @@ async def test_a_speed_is_as_old_as_its_stamp_and_without_one_as_its_message(spo
     heard = await spoken.say_odometry(0.0)
     assert now < heard.stamp <= time.time()
     assert heard.stamp < (await spoken.say_odometry(0.0)).stamp <= time.time()
+    assert (await spoken.say_odometry(now - 3)).stamp == pytest.approx(now - 3, abs=1e-3)
+    assert (await spoken.say_odometry(now + 1e6)).stamp <= time.time()
 
 
 async def test_a_battery_in_percent_stays_one_at_its_end(spoken: Spoken) -> None:

@@ -39,6 +39,8 @@ LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability
 ALL = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 CLOCK_PAUSE = 0.2
 """Seconds that /clock may be silent before time goes on by itself: else nothing would ever be old."""
+MOST_AHEAD = 5.0
+"""Seconds that a stamp may be ahead of the robot's clock, which is heard of late where it is a topic."""
 LONGEST_STEP = 5.0
 """An odometry that jumps farther (m) was reset, and nothing was driven."""
 
@@ -199,9 +201,11 @@ class Senses:
             way = math.hypot(pose.x - before.pose.x, pose.y - before.pose.y)
             self.odometer += way if way < LONGEST_STEP else 0.0
         stamp = convert.seconds(message.header.stamp)
+        now = self.clock()
+        # A driver that does not date its messages, or by another clock, has measured when it is heard.
+        dated = (before is None or stamp > before.stamp) and 0.0 < stamp <= now + MOST_AHEAD
         self.odometry = Heard(pose, stamp, time.monotonic())
-        # A driver that does not date its messages, or whose clock was set back, measures when it is heard.
-        self.velocity = Velocity(twist, stamp if stamp > self.velocity.stamp else self.clock())
+        self.velocity = Velocity(twist, stamp if dated else now)
         self._remember()
 
     def _on_grid(self, message: Any) -> None:
