@@ -16,15 +16,16 @@ from starlette.websockets import WebSocket
 from backend.bridge.closing import TRY_AGAIN_LATER, End, close
 from backend.bridge.login import SUBPROTOCOL, Gate, Login, LoginError
 from backend.bridge.origin import OriginError
+from backend.identity import Identity, Right
 from backend.tokens import RegistryError
 
 PAGES_A_LOGIN = 32
 """Pages that one login may have open: more than a person has, so that one person alone never fills the house."""
 SOCKETS_TO_LOOK = 3
 """What a page opens beside `/acp`."""
-DESCRIPTORS_A_PAGE = 9
-"""Of the process, for all that a page opens: `/acp` 1, its agent 1 (a child process: 3), the scene 3, as viser's two
-ends are in this process, its control 1, the camera 1."""
+DESCRIPTORS_A_PAGE = 13
+"""Of the process, the most that a page can open: `/acp` 1, its agent a child process with 3, and three times the scene,
+which takes 3 each, as viser's two ends are in this process."""
 DESCRIPTORS_KEPT = 128
 """For everything else, Stop before all: logs, the listening socket, the robot server, plain HTTP."""
 
@@ -38,7 +39,8 @@ log = logging.getLogger(__name__)
 
 
 class Door:
-    """Lets at most `room` WebSockets in at once, and of each login `room_a_login`."""
+    """Lets at most `room` WebSockets in at once, three quarters of them for people who may not approve, and of each
+    login `room_a_login`."""
 
     def __init__(self, gate: Gate, room: int, room_a_login: int) -> None:
         self._gate = gate
@@ -54,8 +56,8 @@ class Door:
             if login is None:
                 return
             who = login.identity.token_id or login.identity.name
-            if (full := self._full(who)) is not None:
-                log.info("%s refused for %s: %s", websocket.url.path, login.identity.name, full.reason)
+            if (full := self._full(who, login.identity)) is not None:
+                log.debug("%s refused for %s: %s", websocket.url.path, login.identity.name, full.reason)
                 await _turn_away(websocket, full)
                 return
             self._inside[who] += 1
@@ -70,8 +72,10 @@ class Door:
 
         return enter
 
-    def _full(self, who: str) -> End | None:
-        if self._inside.total() >= self._room:
+    def _full(self, who: str, identity: Identity) -> End | None:
+        # A quarter is kept for those who answer for the robot: no crowd of viewers shuts them out.
+        kept = 0 if identity.may(Right.APPROVE) else self._room // 4
+        if self._inside.total() >= self._room - kept:
             return _HOUSE_FULL
         return _LOGIN_FULL if self._inside[who] >= self._room_a_login else None
 

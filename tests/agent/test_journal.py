@@ -116,7 +116,7 @@ async def test_a_write_that_hangs_hides_nothing_and_is_kept_once_whenever_it_end
             work.tell("one")
             await eventually(lambda: not work.journal._unkept, "the write to be under way")
             work.tell("two")
-            await eventually(lambda: work.journal.failure, "the journal to lose patience", 4)
+            await eventually(lambda: work.journal.failure, "the journal to lose patience")
             assert work.shown == [1, 2]
             work.tell("three")
             assert work.shown == [1, 2, 3]

@@ -26,7 +26,7 @@ from backend.config import Settings
 from backend.identity import Role
 from tests.bridge.scenes import TelemetryPeer, telemetry_peer
 
-PATIENCE = 10.0
+PATIENCE = 30.0
 """Seconds after which a condition that is waited for has failed; met ones take milliseconds."""
 
 

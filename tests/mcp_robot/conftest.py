@@ -22,7 +22,7 @@ from backend.mcp_robot.simulator import world as worlds
 from backend.mcp_robot.simulator.world import World
 from tests.ros2_robots import StandIns, needs_ros2
 
-TIME_LIMIT = 20.0
+TIME_LIMIT = 30.0
 DOCK = telemetry.Pose(0.9, 3.1, 0.0)
 
 
