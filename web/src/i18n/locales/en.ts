@@ -188,6 +188,7 @@ const en = {
     pending: "waiting",
     asking: "waiting for an answer",
     in_progress: "under way",
+    lost: "was under way",
     completed: "done",
     failed: "did not work",
     refused: "refused",

@@ -197,6 +197,7 @@ const es = {
     pending: "en espera",
     asking: "espera una respuesta",
     in_progress: "en curso",
+    lost: "estaba en curso",
     completed: "hecho",
     failed: "no ha salido bien",
     refused: "rechazado",
