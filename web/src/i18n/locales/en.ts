@@ -76,6 +76,7 @@ const en = {
     stoppedByYou: "Stopped by you at {{time}}.",
     stays: "{{robot}} does not move or speak until this is released.",
     askSupervisor: "A supervisor has to release it.",
+    notKnown: "Whether it still is stopped is not known here.",
     release: "Release",
     releaseTitle: "Release the stop?",
     releaseText:
@@ -397,6 +398,7 @@ const en = {
     picture: "What {{robot}} saw",
     map: "Where {{robot}} is",
     stopped: "{{robot}} is stopped.",
+    wasStopped: "{{robot}} was stopped.",
     stoppedHere: "It was stopped here at {{time}}.",
     stoppedBy: "{{name}} stopped it at {{time}}.",
     staffReleases: "A member of staff will release it.",

@@ -83,6 +83,7 @@ const es = {
     stoppedByYou: "Parado por usted a las {{time}}.",
     stays: "{{robot}} no se mueve ni habla hasta que se libere la parada.",
     askSupervisor: "Un supervisor tiene que liberarla.",
+    notKnown: "Aquí no se sabe si sigue parado.",
     release: "Liberar",
     releaseTitle: "¿Liberar la parada?",
     releaseText:
@@ -416,6 +417,7 @@ const es = {
     picture: "Lo que ha visto {{robot}}",
     map: "Dónde está {{robot}}",
     stopped: "{{robot}} está parado.",
+    wasStopped: "{{robot}} estaba parado.",
     stoppedHere: "Se paró desde aquí a las {{time}}.",
     stoppedBy: "{{name}} lo paró a las {{time}}.",
     staffReleases: "El personal lo liberará.",
