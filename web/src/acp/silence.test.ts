@@ -1,7 +1,7 @@
 /** What the page takes for known, once nothing comes any more over a line that looks open. */
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 import { getState, INITIAL, setState } from "../state/store";
-import { end, start } from "./connection";
+import { end, start, tryNow } from "./connection";
 import { Link, type LinkEvents } from "./link";
 import { parseTelemetry } from "./telemetry";
 
@@ -13,6 +13,8 @@ const DRIVING = parseTelemetry({
 });
 
 let line: LinkEvents;
+let probe: ReturnType<typeof vi.fn>;
+let drop: ReturnType<typeof vi.fn>;
 
 beforeEach(() => {
   vi.useFakeTimers({ now: 100_000 });
@@ -23,11 +25,14 @@ beforeEach(() => {
     line = this.events;
     line.onState({ status: "online" });
   });
+  probe = vi.spyOn(Link.prototype, "probe").mockResolvedValue();
+  drop = vi.spyOn(Link.prototype, "drop").mockReturnValue();
   start({ onOpen: () => Promise.resolve(), onQuestion: () => new Promise(() => undefined) });
 });
 
 afterEach(() => {
   end();
+  vi.restoreAllMocks();
   vi.useRealTimers();
   vi.unstubAllGlobals();
 });
@@ -62,4 +67,40 @@ it("ended when it was heard last, although the line was lost later", () => {
   vi.advanceTimersByTime(9000);
   line.onLost();
   expect(getState()).toMatchObject({ telemetry: null, heardUntil: expect.closeTo(100, 1) as number });
+});
+
+it("makes the page ask whether the line is dead, for as long as it lasts", () => {
+  line.onTelemetry(DRIVING);
+  expect(probe).not.toHaveBeenCalled();
+  vi.advanceTimersByTime(3100);
+  expect(probe).toHaveBeenCalledOnce();
+  vi.advanceTimersByTime(3100);
+  expect(probe).toHaveBeenCalledTimes(2);
+  line.onTelemetry(parseTelemetry({ robot: "Sancho", online: false }));
+  vi.advanceTimersByTime(60_000);
+  expect(probe).toHaveBeenCalledTimes(2);
+});
+
+it("can be ended by somebody who wants a new line, and a line that brings something is kept", () => {
+  line.onTelemetry(DRIVING);
+  tryNow();
+  expect(drop).not.toHaveBeenCalled();
+  vi.advanceTimersByTime(3100);
+  tryNow();
+  expect(drop).toHaveBeenCalledOnce();
+});
+
+it("ended when the robot was heard last, also when the machine slept meanwhile", () => {
+  line.onTelemetry(DRIVING);
+  vi.setSystemTime(3_700_000);
+  document.dispatchEvent(new Event("visibilitychange"));
+  expect(getState()).toMatchObject({ telemetry: null, heardUntil: expect.closeTo(100, 1) as number });
+  expect(probe).toHaveBeenCalledOnce();
+});
+
+it("is not what begins whenever the page is looked at", () => {
+  line.onTelemetry(DRIVING);
+  vi.advanceTimersByTime(2000);
+  window.dispatchEvent(new Event("focus"));
+  expect(getState()).toMatchObject({ telemetry: DRIVING, heardUntil: null });
 });
