@@ -12,7 +12,7 @@ import { endHearing, expectMore, expectNothing, hearNothing, startHearing } from
 import { Link, type LinkEvents } from "./link";
 import type { Person } from "./people";
 import { receive, setAgent } from "./sessions";
-import type { Telemetry } from "./telemetry";
+import { tellsOfRobot, type Telemetry } from "./telemetry";
 
 const CHECK_MS = 5000;
 const TOLD_MS = 1000;
@@ -82,7 +82,7 @@ export function start(screen: Screen): void {
     onQuestion: screen.onQuestion,
     onOpen: (agent, hello) => {
       setAgent(agent);
-      setState({ heardUntil: null });
+      awaitTelemetry(hello);
       return screen.onOpen(agent, hello);
     },
     onLost: () => {
@@ -114,6 +114,13 @@ export function tryNow(): void {
   const { link: line, heardUntil } = getState();
   if (line.status === "online" && heardUntil !== null) link?.drop();
   link?.tryNow();
+}
+
+/** An open line says nothing of the robot yet, and what an agent tells of it may have come before its hello was read. */
+function awaitTelemetry(hello: InitializeResponse): void {
+  if (getState().telemetry !== null) return;
+  if (tellsOfRobot(hello)) expectMore();
+  else setState({ heardUntil: null });
 }
 
 function takeTelemetry(telemetry: Telemetry): void {

@@ -1,4 +1,5 @@
 /** What the page takes for known, once nothing comes any more over a line that looks open. */
+import type { ClientContext, InitializeResponse } from "@agentclientprotocol/sdk";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 import { getState, INITIAL, setState } from "../state/store";
 import { end, start, tryNow } from "./connection";
@@ -103,4 +104,43 @@ it("is not what begins whenever the page is looked at", () => {
   vi.advanceTimersByTime(2000);
   window.dispatchEvent(new Event("focus"));
   expect(getState()).toMatchObject({ telemetry: DRIVING, heardUntil: null });
+});
+
+const opens = (extensions: string[]): void => {
+  const hello: InitializeResponse = {
+    protocolVersion: 1,
+    agentCapabilities: { _meta: { "robot-acp": { extensions } } },
+  };
+  line.onState({ status: "online" });
+  void line.onOpen({} as unknown as ClientContext, hello);
+};
+
+it("lasts until something is heard, not until the line is open again", () => {
+  line.onTelemetry(DRIVING);
+  line.onLost();
+  vi.setSystemTime(110_000);
+  opens(["_robot/telemetry"]);
+  expect(getState()).toMatchObject({ telemetry: null, heardUntil: expect.closeTo(100, 1) as number });
+  vi.advanceTimersByTime(3100);
+  expect(probe).toHaveBeenCalledOnce();
+  line.onTelemetry(DRIVING);
+  expect(getState()).toMatchObject({ telemetry: DRIVING, heardUntil: null });
+});
+
+it("begins 3 s after an agent that tells of the robot has said hello, if that is all", () => {
+  opens(["_robot/telemetry"]);
+  expect(getState().heardUntil).toBeNull();
+  vi.advanceTimersByTime(3100);
+  expect(getState().heardUntil).toBeCloseTo(100, 1);
+});
+
+it("is over with an agent that tells nothing of the robot, and does not begin when all was told before", () => {
+  line.onLost();
+  expect(getState().heardUntil).not.toBeNull();
+  opens([]);
+  expect(getState().heardUntil).toBeNull();
+  line.onTelemetry(parseTelemetry({ robot: "Sancho", online: false }));
+  opens(["_robot/telemetry"]);
+  vi.advanceTimersByTime(60_000);
+  expect(getState().heardUntil).toBeNull();
 });
