@@ -223,6 +223,22 @@ async def test_the_robot_is_given_on_at_rest_when_a_turn_fails_in_mid_motion(
     assert lease.holder is None
 
 
+async def test_a_robot_that_is_silent_on_an_open_line_does_not_count_as_one_at_rest() -> None:
+    link = RobotLink(None, None)
+    await link._set(at(0.5))
+    rest = asyncio.create_task(link.at_rest())
+    await asyncio.sleep(0)
+    await link._fall_silent()
+    later = asyncio.create_task(link.at_rest())
+    await asyncio.sleep(0)
+    await link._set(at(0.5))
+    assert link.state is not None
+    assert not rest.done()
+    assert not later.done()
+    await link._set(at(0.0))
+    await asyncio.gather(rest, later)
+
+
 class InMemory(ToolServer):
     """The connection to a server of the SDK in this process."""
 
