@@ -23,7 +23,7 @@ from backend.agent.policy import Policy
 from backend.agent.robot_link import RobotLink
 from backend.agent.session import Session
 from backend.agent.store import SessionRow, Store
-from backend.agent.tool_server import ProgressCallback, ServerUnavailable, Tool, ToolResult, ToolServer
+from backend.agent.tool_server import ServerUnavailable, Tool, ToolResult, ToolServer
 from backend.agent.turn import Turn, Workbench
 from backend.identity import Identity, Role
 from backend.telemetry import Battery, Pose, State, Twist
@@ -176,9 +176,7 @@ class Robot(ToolServer):
     async def tools(self) -> dict[str, Tool]:
         return {"rotate_in_place": Tool("rotate_in_place", "Turn.", {}, "Turn", None, False)}
 
-    async def call(
-        self, name: str, arguments: dict[str, Any], on_progress: ProgressCallback | None = None
-    ) -> ToolResult:
+    async def call(self, *_: Any, **__: Any) -> ToolResult:
         raise ServerUnavailable("The robot does not answer.")
 
 
