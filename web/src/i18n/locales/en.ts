@@ -434,7 +434,7 @@ const en = {
     none: "Nothing has been asked in this session yet. What the next request spends its time on appears here.",
     bar: "Time so far: {{phases}}",
     soFar: "This turn, so far",
-    lost: "This turn, until the connection was lost",
+    lost: "This turn, until nothing was heard any more",
     measured: "The last turn, as the robot measured it",
     seen: "The last turn, as it was seen from here",
     phase: "Part",

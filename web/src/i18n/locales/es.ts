@@ -453,7 +453,7 @@ const es = {
     none: "Todavía no se ha pedido nada en esta sesión. Aquí aparecerá en qué se emplea el tiempo de la próxima petición.",
     bar: "Tiempo hasta ahora: {{phases}}",
     soFar: "Este turno, hasta ahora",
-    lost: "Este turno, hasta que se perdió la conexión",
+    lost: "Este turno, hasta que dejaron de llegar datos",
     measured: "El último turno, medido por el robot",
     seen: "El último turno, visto desde aquí",
     phase: "Parte",
