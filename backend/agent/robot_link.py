@@ -15,7 +15,7 @@ from urllib.parse import urlsplit
 
 import httpx
 import msgspec
-from websockets.asyncio.client import connect
+from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import WebSocketException
 
 from backend import telemetry
@@ -25,7 +25,8 @@ log = logging.getLogger(__name__)
 RATE_HZ = 20.0
 RETRY_S = 1.0
 REST_TIMEOUT_S = 5.0
-STALE_S = 1.0
+STALE_S = 2.0
+"""States come twenty times a second: after so long without one, the last says nothing of the robot any more."""
 PREVIEW_TIMEOUT_S = 1.0
 
 Watcher = Callable[["telemetry.State | None"], None]
@@ -36,13 +37,14 @@ class RobotLinkError(Exception):
 
 
 class RobotLink:
-    """The latest state of the robot. `state` is None while the robot server is away."""
+    """The latest state of the robot. `state` is None while the robot server is away, or hangs."""
 
     def __init__(self, mcp_url: str | None, bearer: str | None) -> None:
         """`mcp_url` is that of our robot server; None for another one, which has no such link."""
         self._base = f"http://{urlsplit(mcp_url).netloc}" if mcp_url else None
         self._headers = {"Authorization": f"Bearer {bearer}"} if bearer else {}
         self.state: telemetry.State | None = None
+        self._silent = False
         self._news = asyncio.Condition()
         self._watchers: set[Watcher] = set()
 
@@ -60,20 +62,33 @@ class RobotLink:
             with contextlib.suppress(OSError, WebSocketException, TimeoutError, msgspec.DecodeError):
                 async with connect(url, additional_headers=self._headers, max_size=2**26) as socket:
                     await socket.send(telemetry.encode(telemetry.Subscribe(["state"], RATE_HZ)))
-                    async for frame in socket:
-                        if isinstance(frame, bytes):
-                            await self._take(telemetry.decode(frame))
+                    while True:
+                        await self._take(await self._next(socket))
             if self.state is not None:
                 log.warning("lost the robot's telemetry; trying again every %g s", RETRY_S)
             await self._set(None)
             await asyncio.sleep(RETRY_S)
 
+    async def _next(self, socket: ClientConnection) -> telemetry.AnyMessage:
+        """The next message, however long it takes; the state at hand is forgotten when that is too long."""
+        try:
+            async with asyncio.timeout(STALE_S):
+                return telemetry.decode(await socket.recv(decode=False))
+        except TimeoutError:
+            await self._fall_silent()
+        return telemetry.decode(await socket.recv(decode=False))
+
     async def _take(self, message: telemetry.AnyMessage) -> None:
         if isinstance(message, telemetry.State):
             await self._set(message)
 
-    async def _set(self, state: telemetry.State | None) -> None:
-        self.state = state
+    async def _fall_silent(self) -> None:
+        if self.state is not None:
+            log.warning("the robot server has told nothing for %g s; its line is still open", STALE_S)
+        await self._set(None, silent=True)
+
+    async def _set(self, state: telemetry.State | None, *, silent: bool = False) -> None:
+        self.state, self._silent = state, silent
         for watcher in list(self._watchers):
             watcher(state)
         async with self._news:
@@ -88,10 +103,13 @@ class RobotLink:
         return self.state
 
     async def at_rest(self) -> None:
-        """Return when the robot stands still and follows no goal; at once when nothing is known of it."""
+        """Return when the robot stands still and follows no goal; at once when there is no line to it.
+
+        A robot that is silent on an open line is not at rest: it may drive on.
+        """
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(REST_TIMEOUT_S), self._news:
-                if self.state is None:
+                if self.state is None and not self._silent:
                     return
                 await self._news.wait()  # the state at hand is older than the question
                 await self._news.wait_for(self._resting)
@@ -100,7 +118,9 @@ class RobotLink:
 
     def _resting(self) -> bool:
         state = self.state
-        return state is None or (state.motion is None and state.twist.linear == 0 and state.twist.angular == 0)
+        if state is None:
+            return not self._silent
+        return state.motion is None and state.twist.linear == 0 and state.twist.angular == 0
 
     async def stop(self, by: str) -> dict[str, Any]:
         """Latch the stop in the robot server. Raises `RobotLinkError`."""

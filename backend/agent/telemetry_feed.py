@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 METHOD = "_robot/telemetry"
 DEFAULT_HZ = 2.0
+MIN_HZ = 0.5
+"""Less would leave nobody able to tell a silence."""
 MAX_HZ = 10.0
 
 
@@ -27,7 +29,7 @@ class TelemetryFeed:
 
     def __init__(self, house: House, connection: ClientConnection, rate_hz: object) -> None:
         wanted = rate_hz if isinstance(rate_hz, int | float) and not isinstance(rate_hz, bool) else DEFAULT_HZ
-        self._every_s = 1 / min(max(float(wanted), 0.1), MAX_HZ)
+        self._every_s = 1 / min(max(float(wanted), MIN_HZ), MAX_HZ)
         self._house = house
         self._connection = connection
         self._sent_at = 0.0

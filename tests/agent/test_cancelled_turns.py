@@ -23,7 +23,7 @@ from backend.agent.policy import Policy
 from backend.agent.robot_link import RobotLink
 from backend.agent.session import Session
 from backend.agent.store import SessionRow, Store
-from backend.agent.tool_server import ProgressCallback, ServerUnavailable, Tool, ToolResult, ToolServer
+from backend.agent.tool_server import ServerUnavailable, Tool, ToolResult, ToolServer
 from backend.agent.turn import Turn, Workbench
 from backend.identity import Identity, Role
 from backend.telemetry import Battery, Pose, State, Twist
@@ -176,9 +176,7 @@ class Robot(ToolServer):
     async def tools(self) -> dict[str, Tool]:
         return {"rotate_in_place": Tool("rotate_in_place", "Turn.", {}, "Turn", None, False)}
 
-    async def call(
-        self, name: str, arguments: dict[str, Any], on_progress: ProgressCallback | None = None
-    ) -> ToolResult:
+    async def call(self, *_: Any, **__: Any) -> ToolResult:
         raise ServerUnavailable("The robot does not answer.")
 
 
@@ -221,6 +219,22 @@ async def test_the_robot_is_given_on_at_rest_when_a_turn_fails_in_mid_motion(
         await rests()
     assert await turn == "end_turn"
     assert lease.holder is None
+
+
+async def test_a_robot_that_is_silent_on_an_open_line_does_not_count_as_one_at_rest() -> None:
+    link = RobotLink(None, None)
+    await link._set(at(0.5))
+    rest = asyncio.create_task(link.at_rest())
+    await asyncio.sleep(0)
+    await link._fall_silent()
+    later = asyncio.create_task(link.at_rest())
+    await asyncio.sleep(0)
+    await link._set(at(0.5))
+    assert link.state is not None
+    assert not rest.done()
+    assert not later.done()
+    await link._set(at(0.0))
+    await asyncio.gather(rest, later)
 
 
 class InMemory(ToolServer):

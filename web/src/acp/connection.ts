@@ -8,16 +8,14 @@ import i18next from "../i18n";
 import { stillHidden } from "../state/alerts";
 import { getState, INITIAL, setState, toast } from "../state/store";
 import { takeToken } from "./address";
-import { agentNow } from "./agent-clock";
+import { endHearing, expectMore, expectNothing, hearNothing, startHearing } from "./hearing";
 import { Link, type LinkEvents } from "./link";
 import type { Person } from "./people";
 import { receive, setAgent } from "./sessions";
-import type { Telemetry } from "./telemetry";
+import { tellsOfRobot, type Telemetry } from "./telemetry";
 
 const CHECK_MS = 5000;
 const TOLD_MS = 1000;
-/** It comes five times a second: without it for so long, what was told last says nothing of the robot any more. */
-const SILENCE_MS = 3000;
 
 /** What a screen makes of the connection. */
 export interface Screen {
@@ -34,8 +32,6 @@ let checks: ReturnType<typeof setInterval> | null = null;
 let toldAt = 0;
 /** Counts checks in a row that nobody answered; the second one takes the connection for dead. */
 let unanswered = 0;
-/** Set while telemetry has to come; ends what it told. */
-let silence: ReturnType<typeof setTimeout> | undefined;
 
 /** On loading the page: a token in the address, else the cookie of an earlier login. */
 export async function begin(): Promise<void> {
@@ -86,16 +82,18 @@ export function start(screen: Screen): void {
     onQuestion: screen.onQuestion,
     onOpen: (agent, hello) => {
       setAgent(agent);
-      setState({ heardUntil: null });
+      awaitTelemetry(hello);
       return screen.onOpen(agent, hello);
     },
     onLost: () => {
       setAgent(null);
-      hearNothing(agentNow());
+      hearNothing();
       setState({ people: null });
       void check();
     },
   });
+  // The robot's server hangs, or the line is dead without having been closed: an answer of the agent tells which.
+  startHearing(() => void link?.probe());
   link.start();
   void check();
   checks = setInterval(() => void check(), CHECK_MS);
@@ -106,21 +104,29 @@ export function end(): void {
   link?.end();
   link = null;
   setAgent(null);
-  clearTimeout(silence);
-  setState({ telemetry: null, heardUntil: null });
+  endHearing();
   if (checks !== null) clearInterval(checks);
   window.removeEventListener("online", tryNow);
 }
 
 export function tryNow(): void {
   void check();
+  const { link: line, heardUntil } = getState();
+  if (line.status === "online" && heardUntil !== null) link?.drop();
   link?.tryNow();
 }
 
+/** An open line says nothing of the robot yet, and what an agent tells of it may have come before its hello was read. */
+function awaitTelemetry(hello: InitializeResponse): void {
+  if (getState().telemetry !== null) return;
+  if (tellsOfRobot(hello)) expectMore();
+  else setState({ heardUntil: null });
+}
+
 function takeTelemetry(telemetry: Telemetry): void {
-  clearTimeout(silence);
   // Of a robot that is not reachable the agent tells once.
-  if (telemetry.online) silence = setTimeout(() => hearNothing(agentNow() - SILENCE_MS / 1000), SILENCE_MS);
+  if (telemetry.online) expectMore();
+  else expectNothing();
   const current = telemetry.online && !getState().stopBusy && Date.now() - toldAt > TOLD_MS;
   setState(({ hidden }) => ({
     telemetry,
@@ -128,12 +134,6 @@ function takeTelemetry(telemetry: Telemetry): void {
     hidden: stillHidden(hidden, telemetry),
     ...(current ? { stop: telemetry.stop } : {}),
   }));
-}
-
-/** Nothing is known of the robot since `since`: old numbers must not pass for what it does now. */
-function hearNothing(since: number): void {
-  clearTimeout(silence);
-  setState(({ heardUntil }) => ({ telemetry: null, heardUntil: heardUntil ?? since }));
 }
 
 /** How quick the link is, whether the login still counts, and how the parts behind the bridge are. */

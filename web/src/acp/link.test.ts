@@ -6,6 +6,8 @@ import { Link, type LinkEvents, type LinkState } from "./link";
 class FakeSocket extends EventTarget {
   static all: FakeSocket[] = [];
   static refuse = false;
+  /** A line that is dead without having been closed: what is sent goes nowhere. */
+  static dead = false;
   readyState = 0;
   private toAgent!: ReadableStreamDefaultController<AnyMessage>;
 
@@ -42,7 +44,7 @@ class FakeSocket extends EventTarget {
   }
 
   send(text: string): void {
-    this.toAgent.enqueue(JSON.parse(text) as AnyMessage);
+    if (!FakeSocket.dead) this.toAgent.enqueue(JSON.parse(text) as AnyMessage);
   }
 
   close(): void {
@@ -69,11 +71,13 @@ beforeEach(() => {
   vi.stubGlobal("WebSocket", FakeSocket);
   FakeSocket.all = [];
   FakeSocket.refuse = false;
+  FakeSocket.dead = false;
   states.length = 0;
 });
 
 afterEach(() => {
   link.end();
+  vi.useRealTimers();
   vi.unstubAllGlobals();
 });
 
@@ -112,4 +116,21 @@ it("goes on trying while nothing answers, and stops when it is ended", async () 
   link.end();
   await vi.waitFor(() => expect(states.at(-1)).toBe("off"));
   expect(FakeSocket.all).toHaveLength(2);
+});
+
+it("gives up a line that brings no answer, and keeps one that does, be it a refusal", async () => {
+  const on = events();
+  link = new Link("ws://robot/acp", on);
+  link.start();
+  await vi.waitFor(() => expect(on.onOpen).toHaveBeenCalledOnce());
+  vi.useFakeTimers();
+  await link.probe();
+  await vi.advanceTimersByTimeAsync(20_000);
+  expect(states.at(-1)).toBe("online");
+  FakeSocket.dead = true;
+  void link.probe();
+  await vi.advanceTimersByTimeAsync(4900);
+  expect(states.at(-1)).toBe("online");
+  await vi.advanceTimersByTimeAsync(200);
+  expect(on.onLost).toHaveBeenCalledOnce();
 });

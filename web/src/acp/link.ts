@@ -20,6 +20,7 @@ import { parseTelemetry, type Telemetry } from "./telemetry";
 
 const TELEMETRY_RATE = 5;
 const HELLO_MS = 10_000;
+const ANSWER_MS = 5000;
 
 export type LinkState =
   | { status: "connecting"; first: boolean }
@@ -48,6 +49,8 @@ export class Link {
   /** Set while the connection is open and said hello; null otherwise. */
   agent: ClientContext | null = null;
   private connection: ClientConnection | null = null;
+  /** The connection whose agent was asked for an answer and has not given one yet. */
+  private probed: ClientConnection | null = null;
   /** Set while `run` is at work; aborting it ends it for good. */
   private running: AbortController | null = null;
   /** Set while it waits for the next attempt; called to try at once. */
@@ -79,6 +82,17 @@ export class Link {
   /** Give up a connection that seems dead; the next attempt follows. */
   drop(): void {
     this.connection?.close();
+  }
+
+  /** Ask whether the agent is there, and give the connection up when nothing comes back, be it a refusal. */
+  async probe(): Promise<void> {
+    const { connection } = this;
+    if (connection === null || this.agent === null || this.probed === connection) return;
+    this.probed = connection;
+    const late = setTimeout(() => connection.close(new Error("no answer")), ANSWER_MS);
+    await connection.agent.request(methods.agent.session.list, {}).catch(() => undefined);
+    clearTimeout(late);
+    if (this.probed === connection) this.probed = null;
   }
 
   private async run(ended: AbortSignal): Promise<void> {

@@ -2,6 +2,7 @@
  * The robot's small, slow state as the agent sends it in `_robot/telemetry`. Parsed once here; a message that
  * cannot be read counts as "robot not reachable", so that a screen never shows a number that nobody sent.
  */
+import type { InitializeResponse } from "@agentclientprotocol/sdk";
 import { asNumber, asString, isRecord } from "./meta";
 
 export interface Pose {
@@ -146,4 +147,11 @@ function parseClaim(value: unknown): Claim | null {
   if (!isRecord(value)) return null;
   const sessionId = asString(value["sessionId"]);
   return sessionId === null ? null : { sessionId, by: asString(value["by"]) ?? "" };
+}
+
+/** Whether an agent says that it tells of the robot. */
+export function tellsOfRobot({ agentCapabilities }: InitializeResponse): boolean {
+  const about = agentCapabilities?._meta?.["robot-acp"];
+  const extensions = isRecord(about) ? about["extensions"] : null;
+  return Array.isArray(extensions) && extensions.includes("_robot/telemetry");
 }

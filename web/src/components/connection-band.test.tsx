@@ -1,8 +1,8 @@
-/** A cut is announced once, however many attempts follow. */
+/** A cut is announced once, however many attempts follow; out of a silence there is a way, too. */
 import { act, render, screen } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 import { INITIAL, setState } from "../state/store";
-import { ConnectionBand } from "./connection-band";
+import { ConnectionBand, SilentBand } from "./connection-band";
 
 beforeEach(() => {
   vi.useFakeTimers();
@@ -22,4 +22,9 @@ it("counts down and tries again without a word to those who listen", () => {
   act(() => setState({ link: { status: "connecting", first: false } }));
   expect(screen.getByText(/Trying again …/)).toBeDefined();
   expect(screen.getByRole("status").textContent).toBe(said);
+});
+
+it("lets whoever waits for a silent robot try a new line", () => {
+  render(<SilentBand />);
+  expect(screen.getByRole("button", { name: "Try now" })).toBeDefined();
 });

@@ -21,9 +21,7 @@ export function ConnectionBand() {
         </span>{" "}
         {link.status === "waiting" ? <Countdown until={link.retryAt} /> : t("connection.now")}
       </p>
-      <button type="button" className="button on-plain" onClick={tryNow}>
-        {t("connection.tryNow")}
-      </button>
+      <TryNow />
     </section>
   );
 }
@@ -47,7 +45,17 @@ export function SilentBand() {
     <section className="band band-plain" data-testid="silent-band" role="status">
       <Unplug aria-hidden />
       <p>{t("connection.silent", { robot })}</p>
+      <TryNow />
     </section>
+  );
+}
+
+function TryNow() {
+  const { t } = useTranslation();
+  return (
+    <button type="button" className="button on-plain" onClick={tryNow}>
+      {t("connection.tryNow")}
+    </button>
   );
 }
 

@@ -21,6 +21,7 @@ export function ConversationLog() {
   const [seen, setSeen] = useState(made);
   const last = items.at(-1);
   const awaits = last?.kind === "tool" && last.waiting === "robot";
+  const heard = useStore((state) => state.heardUntil === null);
   const asked = useStore((state) => state.questions.some(({ sessionId }) => sessionId === state.currentId));
 
   // What the reader sends is what the reader wants to see.
@@ -52,7 +53,7 @@ export function ConversationLog() {
           {items.map((item) => (
             <ItemView key={item.key} item={item} />
           ))}
-          {turn !== null && last?.kind !== "agent" && !asked && !awaits && (
+          {turn !== null && last?.kind !== "agent" && !asked && !awaits && heard && (
             <p className="working" aria-hidden="true">
               <span className="working-dots" />
               {t("talk.working", { robot })}

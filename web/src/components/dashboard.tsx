@@ -67,7 +67,7 @@ function useDocumentTitle(): void {
   const count = useStore((state) => state.questions.length);
   const question = useStore((state) => state.questions[0] ?? null);
   const what = question === null ? "" : callWords(question);
-  const stopped = useStore((state) => state.stop !== null);
+  const stopped = useStore((state) => state.stop !== null && state.heardUntil === null);
   useEffect(() => {
     if (count > 0) document.title = t("title.asks", { robot, count, what });
     else document.title = t(stopped ? "title.stopped" : "title.plain", { robot });

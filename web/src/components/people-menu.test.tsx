@@ -48,6 +48,17 @@ it("does not open by itself when the connection is back", () => {
   expect(screen.queryByTestId("people-menu")).toBeNull();
 });
 
+it("lists nobody as here while nothing is heard, and does not open by itself afterwards", () => {
+  render(<PeopleMenu />);
+  fireEvent.click(screen.getByTestId("people"));
+  act(() => setState({ heardUntil: 7, telemetry: null }));
+  expect(screen.queryByTestId("people-menu")).toBeNull();
+  expect(screen.queryByTestId("people")).toBeNull();
+  act(() => setState({ heardUntil: null }));
+  expect(screen.getByTestId("people")).toBeDefined();
+  expect(screen.queryByTestId("people-menu")).toBeNull();
+});
+
 async function takesOver(): Promise<void> {
   render(<PeopleMenu />);
   fireEvent.click(screen.getByTestId("people"));

@@ -12,7 +12,8 @@ import { useTakeOver } from "./take-over";
 /** The chip. Those whom nobody tells who is here see who has the robot, and nothing to open. */
 export function PeopleMenu() {
   const { t } = useTranslation();
-  const people = useStore((state) => state.people);
+  // Who was here before the silence may have left.
+  const people = useStore((state) => (state.heardUntil === null ? state.people : null));
   const me = useMe();
   const turn = useStore((state) => state.telemetry?.turn ?? null);
   const [open, setOpen] = useState(false);

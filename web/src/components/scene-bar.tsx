@@ -36,9 +36,12 @@ export function SceneBar(props: SceneBarProps) {
               className="scene-tool"
               data-testid={`view-${view}`}
               aria-pressed={shown === view}
-              disabled={away}
+              // Not `disabled`: a map that is lost shall not take the keyboard with it.
+              aria-disabled={away}
               aria-describedby={reasonId}
-              onClick={() => onView(view)}
+              onClick={() => {
+                if (!away) onView(view);
+              }}
             >
               <Icon aria-hidden /> {t(`view.${view}`)}
             </button>
@@ -51,8 +54,6 @@ export function SceneBar(props: SceneBarProps) {
           className="scene-tool single"
           data-testid="go-here"
           ref={goButton}
-          disabled={away}
-          aria-describedby={reasonId}
           onClick={onGoHere}
         >
           <MapPin aria-hidden /> {t("goHere.button")}

@@ -1,4 +1,4 @@
-/** The buttons over the map: dead while the map is not connected, and where the keyboard goes on. */
+/** The buttons over the map: what they do while it is not connected, and where the keyboard goes on. */
 import { act, fireEvent, render, screen } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 import { FakeSocket } from "../scene/fake-socket";
@@ -30,12 +30,27 @@ beforeEach(() => {
 
 afterEach(() => vi.unstubAllGlobals());
 
-it("takes no wish to go somewhere before the map is connected, and says why", () => {
-  expect(goHere().disabled).toBe(true);
+it("moves no camera before the map is connected, says why, and lets the keyboard stay", () => {
+  const view = screen.getByTestId("view-map");
+  expect(view.getAttribute("aria-disabled")).toBe("true");
   expect(screen.getByText("The map is not connected yet.")).toBeDefined();
   connected();
-  expect(goHere().disabled).toBe(false);
+  expect(view.getAttribute("aria-disabled")).toBe("false");
   expect(screen.queryByText("The map is not connected yet.")).toBeNull();
+  view.focus();
+  act(() => setState({ reachable: false }));
+  expect(view.getAttribute("aria-disabled")).toBe("true");
+  expect(document.activeElement).toBe(view);
+  const sent = control().sent.length;
+  fireEvent.click(view);
+  expect(control().sent).toHaveLength(sent);
+});
+
+it("lets the robot be sent to a place of the list without the map", () => {
+  expect(goHere().disabled).toBe(false);
+  fireEvent.click(goHere());
+  expect(screen.getByText(/takes no clicks/)).toBeDefined();
+  expect(document.activeElement).toBe(screen.getByTestId("go-here-place"));
 });
 
 it("says that clicks do nothing when the map is lost meanwhile", () => {
@@ -45,7 +60,7 @@ it("says that clicks do nothing when the map is lost meanwhile", () => {
   act(() => setState({ reachable: false }));
   expect(screen.getByText(/takes no clicks/)).toBeDefined();
   fireEvent.click(screen.getByTestId("go-here-cancel"));
-  expect(document.activeElement).toBe(screen.getByTestId("camera"));
+  expect(document.activeElement).toBe(goHere());
 });
 
 it("has the keyboard when the camera is closed", () => {

@@ -56,3 +56,17 @@ it("is waited for when it is not back yet", async () => {
   tell({ reachable: false }, AWAY, { reachable: true, link: { status: "online" } });
   await screen.findByText("The map is not available right now.");
 });
+
+it("is loaded again when a line that had fallen silent was given up, whatever answered meanwhile", async () => {
+  await shown();
+  tell({ heardUntil: 7 }, AWAY, { link: { status: "online" }, heardUntil: null });
+  await waitFor(() => expect(loaded).toHaveBeenCalledOnce());
+});
+
+it("stays as it is when the line was lost while the robot was heard", async () => {
+  const asked = vi.fn(answers);
+  await shown();
+  answers = asked;
+  tell({ heardUntil: 7 }, { heardUntil: null }, AWAY, { heardUntil: 8 }, { link: { status: "online" } });
+  expect(asked).not.toHaveBeenCalled();
+});

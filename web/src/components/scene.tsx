@@ -68,13 +68,19 @@ async function answers(address: string): Promise<boolean> {
 
 /**
  * Calls when the network was away and is back: the map's page trusts a connection that is dead without having been
- * closed. One slow answer is no cut, and neither is an agent that starts anew. Returns what ends it.
+ * closed, as the one is that fell silent and was given up. One slow answer is no cut, and neither is an agent that
+ * starts anew. Returns what ends it.
  */
 function onReturn(back: () => void): () => void {
   let away = false;
-  return useStore.subscribe(({ link, reachable }) => {
-    if (link.status !== "online") away ||= !reachable;
-    else if (away) {
+  let silent = false;
+  return useStore.subscribe(({ link, reachable, heardUntil }) => {
+    if (link.status !== "online") {
+      away ||= silent || !reachable;
+      return;
+    }
+    silent = heardUntil !== null;
+    if (away) {
       away = false;
       back();
     }

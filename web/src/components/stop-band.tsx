@@ -1,4 +1,4 @@
-/** While the robot is stopped: who did it, when, and what releases it. And, loudly, when Stop did not get through. */
+/** While the robot is stopped, for all that is known: who did it, when, and what releases it. And, loudly, when Stop did not get through. */
 import { OctagonAlert, OctagonX, X } from "lucide-react";
 import { useState } from "react";
 import { useTranslation } from "react-i18next";
@@ -12,6 +12,7 @@ import { panes } from "./panes";
 export function StopBand() {
   const { t } = useTranslation();
   const stop = useStore((state) => state.stop);
+  const heard = useStore((state) => state.heardUntil === null);
   const robot = useStore(robotName);
   const me = useMe();
   if (stop === null) return null;
@@ -25,7 +26,11 @@ export function StopBand() {
             ? t("stop.stoppedByYou", { time })
             : t("stop.stoppedBy", { name: stop.by, time })}
         </strong>{" "}
-        {canRelease(me.role) ? t("stop.stays", { robot }) : t("stop.askSupervisor")}
+        {!heard
+          ? t("stop.notKnown")
+          : canRelease(me.role)
+            ? t("stop.stays", { robot })
+            : t("stop.askSupervisor")}
       </p>
       {canRelease(me.role) && <Release robot={robot} />}
     </section>

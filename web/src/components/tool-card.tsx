@@ -5,6 +5,7 @@ import {
   CircleAlert,
   CircleCheck,
   CircleDashed,
+  CircleQuestionMark,
   CircleSlash,
   LoaderCircle,
   ShieldCheck,
@@ -42,9 +43,11 @@ export function ToolCard({ item }: { item: ToolItem }) {
     ),
   );
   const outcome = outcomeOf(item, asking || item.waiting === "permission");
+  const heard = useStore((state) => state.heardUntil === null);
+  const lost = outcome === "in_progress" && !heard;
   const summary = summaryOf(item, outcome);
   const title = callWords(item);
-  const Icon = ICONS[outcome];
+  const Icon = lost ? CircleQuestionMark : ICONS[outcome];
   return (
     <Collapsible.Root asChild>
       <article
@@ -52,12 +55,13 @@ export function ToolCard({ item }: { item: ToolItem }) {
         data-testid="tool-card"
         data-status={item.status}
         data-outcome={outcome}
+        data-lost={lost}
         aria-label={title}
       >
         <div className="tool-head">
           <Icon aria-hidden className="tool-icon" />
           <span className="tool-title">{title}</span>
-          <span className="tool-word">{t(`tool.${outcome}`)}</span>
+          <span className="tool-word">{t(`tool.${lost ? "lost" : outcome}`)}</span>
           {hasDetails(item) && (
             <Collapsible.Trigger
               className="icon-button tool-more"
@@ -68,7 +72,8 @@ export function ToolCard({ item }: { item: ToolItem }) {
             </Collapsible.Trigger>
           )}
         </div>
-        {item.progress !== null && item.status === "in_progress" && <Progress item={item} />}
+        {/* How far it was when it was last heard of says nothing of now. */}
+        {item.progress !== null && item.status === "in_progress" && heard && <Progress item={item} />}
         {item.waiting === "robot" && <RobotAwaited />}
         {summary !== "" && <p className="tool-summary">{summary}</p>}
         <Media item={item} />

@@ -24,7 +24,7 @@ it("grows while the turn runs, stands still while nobody knows, and goes on when
   act(() => setState({ heardUntil: 101 }));
   later(60_000);
   expect(total()).toBeCloseTo(11);
-  expect(screen.getByText("This turn, until the connection was lost")).toBeDefined();
+  expect(screen.getByText("This turn, until nothing was heard any more")).toBeDefined();
   act(() => setState({ heardUntil: null }));
   later(1000);
   expect(total()).toBeCloseTo(73);

@@ -9,6 +9,7 @@ export function Notices({ onStopAgain }: { onStopAgain: () => void }) {
   const me = useMe();
   const robot = useStore(robotName);
   const stop = useStore((state) => state.stop);
+  const heard = useStore((state) => state.heardUntil === null);
   const failed = useStore((state) => state.stopError !== null);
   if (failed) {
     return (
@@ -30,9 +31,9 @@ export function Notices({ onStopAgain }: { onStopAgain: () => void }) {
     <section className="kiosk-band" role="alert" data-testid="kiosk-stopped">
       <OctagonX aria-hidden />
       <p>
-        <strong>{t("kiosk.stopped", { robot })}</strong>{" "}
+        <strong>{t(heard ? "kiosk.stopped" : "kiosk.wasStopped", { robot })}</strong>{" "}
         {here ? t("kiosk.stoppedHere", { time }) : t("kiosk.stoppedBy", { name: stop.by, time })}{" "}
-        {t("kiosk.staffReleases")}
+        {t(heard ? "kiosk.staffReleases" : "stop.notKnown")}
       </p>
     </section>
   );

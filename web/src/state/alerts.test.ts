@@ -1,4 +1,4 @@
-/** What stands at the top of the screen: the gravest first, two at most, and nothing about a robot that nobody hears. */
+/** What stands at the top of the screen: the gravest first, two at most unless more are grave, and nothing about a robot that nobody hears. */
 import { describe, expect, it } from "vitest";
 import { parseTelemetry, type Telemetry } from "../acp/telemetry";
 import { alerts, stillHidden, type Hidden } from "./alerts";
@@ -97,5 +97,6 @@ describe("alerts", () => {
       "stopped",
     ]);
     expect(shown({ telemetry, stop: { by: "Ana", at: 1 } })).toEqual(["stopped", "battery"]);
+    expect(shown({ heardUntil: 7, stopError: "no", stop: { by: "Ana", at: 1 } })).toHaveLength(3);
   });
 });

@@ -1,6 +1,6 @@
 /**
  * What has to be said at the top of the screen, and in which order: computed from all that is known, never stored.
- * Two at most. What is cut off tells nothing of the robot, and what is hidden comes back when it is news again.
+ * Two at most, unless more are grave. What is cut off tells nothing of the robot, and what is hidden comes back when it is news again.
  */
 import type { State } from "./store";
 

@@ -39,11 +39,20 @@ describe("the state of the robot", () => {
   it("is turning", () => expect(kind({ motion: { ...MOTION, kind: "rotate" } })).toBe("turning"));
   it("is speaking", () => expect(kind({ speaking: "Hello" })).toBe("speaking"));
   it("is not reachable when the agent says so", () => expect(kind({ online: false })).toBe("unreachable"));
-  it("is stopped before anything else, even without a connection", () => {
-    expect(robotState(null, { status: "waiting", retryAt: 0 }, null, null, "Ana")).toEqual({
+  it("is stopped before anything else that is told", () => {
+    expect(robotState(parseTelemetry({ ...REST, motion: MOTION }), ONLINE, null, null, "Ana")).toEqual({
       kind: "stopped",
       by: "Ana",
     });
+    expect(robotState(null, { status: "connecting", first: true }, null, null, "Ana").kind).toBe("stopped");
+  });
+  it("is not stopped any more for all that anybody knows, once nothing is heard", () => {
+    const lines: LinkState[] = [
+      ONLINE,
+      { status: "waiting", retryAt: 0 },
+      { status: "connecting", first: false },
+    ];
+    for (const line of lines) expect(robotState(null, line, null, 7, "Ana").kind).toBe("unreachable");
   });
   it("is not reachable without a connection, never an old state", () => {
     expect(robotState(parseTelemetry(REST), { status: "waiting", retryAt: 0 }, null, null, null).kind).toBe(

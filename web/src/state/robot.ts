@@ -21,10 +21,11 @@ export function robotState(
   heardUntil: number | null,
   stoppedBy: string | null,
 ): RobotState {
-  if (stoppedBy !== null) return { kind: "stopped", by: stoppedBy };
-  if (health?.robot.up === false) return { kind: "unreachable" };
+  // Before the stop: somebody may have released it, and nobody here would know.
   if (heardUntil !== null || link.status === "waiting" || (link.status === "connecting" && !link.first))
     return { kind: "unreachable" };
+  if (stoppedBy !== null) return { kind: "stopped", by: stoppedBy };
+  if (health?.robot.up === false) return { kind: "unreachable" };
   if (link.status !== "online" || telemetry === null) return { kind: "unknown" };
   if (!telemetry.online) return { kind: "unreachable" };
   if (telemetry.motion !== null) {
