@@ -2,6 +2,7 @@
 import { act, renderHook } from "@testing-library/react";
 import { beforeEach, expect, it, vi } from "vitest";
 import { INITIAL, setState, type Question } from "../state/store";
+import * as sound from "./sound";
 import { useAttention } from "./use-attention";
 
 class Shown {
@@ -17,13 +18,15 @@ class Shown {
   }
 }
 
-const question = (key: string, title: string): Question =>
-  ({ key, sessionId: "s1", toolCallId: key, title }) as Question;
+const question = (toolCallId: string, title: string, key = toolCallId): Question =>
+  ({ key, sessionId: "s1", toolCallId, title }) as Question;
 
 beforeEach(() => {
   vi.stubGlobal("Notification", Shown);
+  Shown.all = [];
   vi.spyOn(document, "hasFocus").mockReturnValue(false);
   vi.spyOn(window, "focus").mockImplementation(() => undefined);
+  vi.spyOn(sound, "chime");
   setState(INITIAL);
 });
 
@@ -38,4 +41,33 @@ it("shows each of two that come at once, and takes away the one that was answere
   expect(clicked).toHaveBeenCalledOnce();
   act(() => setState({ questions: [say] }));
   expect(Shown.all.map(({ close }) => close.mock.calls.length)).toEqual([2, 0]);
+});
+
+it("is shown again after a cut that took it away, without another sound", () => {
+  renderHook(() => useAttention(vi.fn()));
+  act(() => setState({ questions: [question("c1", "Say hello", "q1")] }));
+  act(() => setState({ questions: [] }));
+  expect(Shown.all[0]?.close).toHaveBeenCalledOnce();
+  act(() => setState({ questions: [question("c1", "Say hello", "q2")] }));
+  expect(Shown.all).toHaveLength(2);
+  expect(Shown.all[1]?.close).not.toHaveBeenCalled();
+  expect(sound.chime).toHaveBeenCalledOnce();
+});
+
+it("stays when the same question is put once more in its place", () => {
+  renderHook(() => useAttention(vi.fn()));
+  act(() => setState({ questions: [question("c1", "Say hello", "q1")] }));
+  act(() => setState({ questions: [question("c1", "Say hello", "q2")] }));
+  expect(Shown.all).toHaveLength(1);
+  expect(Shown.all[0]?.close).not.toHaveBeenCalled();
+});
+
+it("calls with the other one, too, when one comes after the page has gone behind", () => {
+  const inFront = vi.spyOn(document, "hasFocus").mockReturnValue(true);
+  renderHook(() => useAttention(vi.fn()));
+  act(() => setState({ questions: [question("c1", "Say hello")] }));
+  expect(Shown.all).toEqual([]);
+  inFront.mockReturnValue(false);
+  act(() => setState({ questions: [question("c1", "Say hello"), question("c2", "Drive")] }));
+  expect(Shown.all.map(({ options }) => options.body)).toEqual(["Say hello", "Drive"]);
 });
