@@ -95,6 +95,15 @@ export function settled(sessionId: string, toolCallId: string): void {
   unanswered.delete(nameOf(sessionId, toolCallId));
 }
 
+/** Somebody wants to see this one, of those that are open. */
+export function putFirst({ sessionId, toolCallId }: Pick<Question, "sessionId" | "toolCallId">): void {
+  const isIt = (question: Question): boolean =>
+    question.sessionId === sessionId && question.toolCallId === toolCallId;
+  setState(({ questions }) => ({
+    questions: [...questions.filter(isIt), ...questions.filter((question) => !isIt(question))],
+  }));
+}
+
 function closeQuestion(sessionId: string, toolCallId: string): void {
   for (const question of getState().questions) {
     if (question.sessionId === sessionId && question.toolCallId === toolCallId) question.answer(CANCELLED);

@@ -1,6 +1,7 @@
 /** Calls a person to each new question: one sound, and a notification while it is open and the page is not in front. */
 import { useEffect, useRef } from "react";
 import { useTranslation } from "react-i18next";
+import { putFirst } from "../acp/questions";
 import { callWords } from "../i18n/known";
 import { robotName, useStore } from "../state/store";
 import { Calls, nameOf } from "./fresh";
@@ -32,7 +33,11 @@ export function useAttention(onClick: () => void): void {
       const name = nameOf(question);
       if (shown.current.has(name)) continue;
       const title = t("question.asks", { robot });
-      shown.current.set(name, notify(question.key, title, callWords(question), onClick));
+      const come = (): void => {
+        putFirst(question);
+        onClick();
+      };
+      shown.current.set(name, notify(name, title, callWords(question), come));
     }
   }, [questions, robot, t, onClick]);
   useEffect(() => {
