@@ -3,6 +3,7 @@
  * counts as told when it stands in the title as a word of its own, once for each argument.
  */
 import { isRecord } from "../acp/meta";
+import { formsOf } from "../i18n/known";
 
 export function untold(title: string, input: unknown): Record<string, unknown> {
   if (!isRecord(input)) return {};
@@ -27,11 +28,4 @@ function without(text: string, value: unknown): string | null {
     if (mention.test(text)) return text.replace(mention, "\n");
   }
   return null;
-}
-
-/** How a title writes it: Python writes 3.0 where JSON has 3. */
-function formsOf(value: unknown): string[] {
-  if (typeof value === "string") return value === "" ? [] : [value];
-  if (typeof value !== "number") return [];
-  return Number.isInteger(value) ? [`${value}.0`, String(value)] : [String(value)];
 }
