@@ -11,6 +11,7 @@ import { takeToken } from "./address";
 import { agentNow } from "./agent-clock";
 import { Link, type LinkEvents } from "./link";
 import type { Person } from "./people";
+import { forgetAsked } from "./questions";
 import { receive, setAgent } from "./sessions";
 import type { Telemetry } from "./telemetry";
 
@@ -106,6 +107,7 @@ export function end(): void {
   link?.end();
   link = null;
   setAgent(null);
+  forgetAsked();
   clearTimeout(silence);
   setState({ telemetry: null, heardUntil: null });
   if (checks !== null) clearInterval(checks);
