@@ -179,7 +179,7 @@ export function QuestionCard({ question, count }: { question: Question; count: n
 function What({ question }: { question: Question }) {
   const { t } = useTranslation();
   const { preview } = question;
-  const rest = untold(callWords(question), question.input);
+  const rest = untold(question);
   return (
     <>
       {preview !== null && (

@@ -41,15 +41,23 @@ function knows<Texts extends object>(
   return name !== null && Object.hasOwn(texts, name);
 }
 
-/**
- * What a call does. Its arguments stand in it as they are: who decides must be able to compare. A tool of another robot
- * may have the same name and do something else: its title must be the one that is known.
- */
-export function callWords({ tool, input, title }: Call): string {
-  if (!knows(en.toolCall, tool)) return title;
+/** What a call does. Its arguments stand in it as they are: who decides must be able to compare. */
+export function callWords(call: Call): string {
+  const known = knownCall(call);
+  return known === null ? call.title : i18next.t(`toolCall.${known.tool}`, known.values);
+}
+
+/** The names of the arguments that stand in our words for a call; null where it keeps the title that came. */
+export function argumentsTold(call: Call): string[] | null {
+  const known = knownCall(call);
+  return known && Object.keys(known.values);
+}
+
+/** A tool of another robot may have the same name and do something else: its title must be the one that is known. */
+function knownCall({ tool, input, title }: Call): { tool: keyof typeof en.toolCall; values: Values } | null {
+  if (!knows(en.toolCall, tool)) return null;
   const values = valuesOf(ARGUMENTS[tool], input);
-  if (values === null || !titlesOf(tool, values).includes(title)) return title;
-  return i18next.t(`toolCall.${tool}`, values);
+  return values !== null && titlesOf(tool, values).includes(title) ? { tool, values } : null;
 }
 
 /** Its title in English, in every form that its numbers may have. */
