@@ -151,11 +151,11 @@ export function attach(sessionId: string, answer: NewSessionResponse | LoadSessi
 /** In the address, and among those that are kept; whichever was left longest ago goes, unless a turn runs in it. */
 function putOnScreen(sessionId: string): void {
   rememberSession(sessionId);
-  const { attached, conversations, drafts } = getState();
+  const { conversations, drafts } = getState();
   const here = (other: string): boolean => other in conversations || other in drafts;
   shown = [...shown.filter((other) => other !== sessionId && here(other)), sessionId];
   for (const old of shown.slice(0, -KEPT)) {
-    const running = attached.has(old) && conversations[old]?.turn != null;
+    const running = conversations[old]?.turn != null;
     if (!running && !(old in drafts)) forgetSession(old);
   }
 }
