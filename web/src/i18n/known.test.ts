@@ -1,7 +1,7 @@
 /** What is known is said in the reader's language; what is not, or only looks like it, stays as it came. */
 import { afterEach, beforeEach, describe, expect, it } from "vitest";
 import i18next from ".";
-import { callWords, modeName, modeWords, settingName, toolWords } from "./known";
+import { argumentWords, callWords, modeName, modeWords, settingName, toolWords } from "./known";
 
 const drive = { tool: "navigate_to_place", input: { place: "lab 2.3.7" }, title: "Drive to lab 2.3.7" };
 const OBSERVE = "Looks and answers; nothing moves, nothing is said aloud.";
@@ -76,6 +76,11 @@ describe("in Spanish", () => {
     expect(modeWords(observe).description).toContain("nada se mueve");
     const other = { value: "plan", name: "Plan", description: "Writes a plan, then edits files." };
     expect(modeWords(other)).toEqual(other);
+  });
+
+  it("names what a call is given", () => {
+    expect(argumentWords("plan_only")).toBe("solo calcular el camino");
+    expect(argumentWords("wax_type")).toBe("wax type");
   });
 
   it("names modes and settings of the log", () => {

@@ -86,6 +86,11 @@ function valuesOf(wanted: Record<string, Kind>, input: unknown): Values | null {
   return values;
 }
 
+/** What an argument is called, or another piece of data. */
+export function argumentWords(key: string): string {
+  return knows(en.argument, key) ? i18next.t(`argument.${key}`) : key.replaceAll("_", " ");
+}
+
 /** What a tool does, whatever its arguments. */
 export function toolWords(tool: string | null, title: string): string {
   return knows(en.tools, tool) && title === en.tools[tool] ? i18next.t(`tools.${tool}`) : title;
