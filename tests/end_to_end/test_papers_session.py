@@ -19,8 +19,8 @@ from tests.end_to_end.terminal import Terminal
 from tests.processes import Client, Robot, Watched, end, eventually
 from tests.ros2_robots import needs_ros2, share_interfaces
 
-HALTED_WITHIN = 2.0
-"""m: it would have driven three times as far."""
+BRAKES_WITHIN = 0.5
+"""m: it brakes on 0.05 m; the rest is for the time between two of its states. It would have driven on for metres."""
 ROS2 = ("--robot", "ros2", "--ros2-demo")
 
 
@@ -62,11 +62,15 @@ async def place_of(client: Client, name: str) -> tuple[float, float]:
 
 
 async def cancelled(page: Page, watched: Watched) -> float:
-    """Click Cancel, and return the metres that the robot still drives. bench/people.py measures the time."""
-    x, y = watched.state.pose.x, watched.state.pose.y
+    """Click Cancel, and return the metres on which the robot brakes: how long the click takes to get through depends on
+    the machine. bench/people.py measures that."""
     await page.get_by_test_id("cancel").click()
     await watched.until(lambda: watched.speed == 0, "the robot to halt")
-    return watched.distance_to(x, y)
+    back = [state for _, state in reversed(watched.states)]
+    at = next(i for i, state in enumerate(back) if state.twist.linear != 0)
+    while abs(back[at + 1].twist.linear) > abs(back[at].twist.linear):
+        at += 1
+    return watched.distance_to(back[at].pose.x, back[at].pose.y)
 
 
 async def test_the_papers_session(up: Up, open_page: Opener, pictures: Path) -> None:
@@ -109,7 +113,7 @@ async def test_the_papers_session(up: Up, open_page: Opener, pictures: Path) -> 
         await ask(page, "Go back to where you started")
         await watched.until(lambda: watched.speed > 0.5, "the robot to drive back")
         await watched.until(lambda: watched.distance_to(*lab) > 4, "the robot to be on its way")
-        assert await cancelled(page, watched) < HALTED_WITHIN
+        assert await cancelled(page, watched) < BRAKES_WITHIN
         await finished(terminal, 2)
         assert terminal.turn_ends()[-1] == "cancelled"
         assert watched.distance_to(*lab) > 3

@@ -6,11 +6,12 @@ import type { ClientContext, InitializeResponse } from "@agentclientprotocol/sdk
 import * as http from "../api/http";
 import i18next from "../i18n";
 import { stillHidden } from "../state/alerts";
-import { getState, INITIAL, setState, toast } from "../state/store";
+import { getState, INITIAL, setState, toast, type LoginProblem } from "../state/store";
 import { takeToken } from "./address";
 import { endHearing, expectMore, expectNothing, hearNothing, startHearing } from "./hearing";
 import { Link, type LinkEvents } from "./link";
 import type { Person } from "./people";
+import { forgetAsked } from "./questions";
 import { receive, setAgent } from "./sessions";
 import { tellsOfRobot, type Telemetry } from "./telemetry";
 
@@ -38,33 +39,39 @@ export async function begin(): Promise<void> {
   const token = takeToken();
   if (token !== null) return logIn(token);
   try {
-    const { me } = await http.whoAmI();
-    setState({ auth: { status: "in", me } });
+    enter((await http.whoAmI()).me);
   } catch (error) {
     const refused = error instanceof http.HttpError && error.status === 401;
-    setState({ auth: { status: "out", problem: refused ? "none" : "unreachable" } });
+    leave(refused ? "none" : "unreachable");
   }
 }
 
 export async function logIn(token: string): Promise<void> {
   try {
-    setState({ auth: { status: "in", me: await http.login(token) } });
+    enter(await http.login(token));
   } catch (error) {
     const status = error instanceof http.HttpError ? error.status : 0;
-    const problem = status >= 400 && status < 500 ? "invalid" : "unreachable";
-    setState({ auth: { status: "out", problem } });
+    leave(status >= 400 && status < 500 ? "invalid" : "unreachable");
   }
 }
 
 export async function logOut(): Promise<void> {
   end();
   await http.logout().catch(() => undefined);
-  setState({ ...INITIAL, auth: { status: "out", problem: "none" } });
+  leave("none");
 }
 
-function loginEnded(): void {
+/** Who comes in the place of somebody else finds nothing of theirs: what they had read may be news to this one. */
+function enter(me: http.Me): void {
+  const { auth } = getState();
+  const other = auth.status === "in" && auth.me.name !== me.name;
+  if (other) end();
+  setState({ ...(other ? INITIAL : {}), auth: { status: "in", me } });
+}
+
+function leave(problem: LoginProblem): void {
   end();
-  setState({ ...INITIAL, auth: { status: "out", problem: "expired" } });
+  setState({ ...INITIAL, auth: { status: "out", problem } });
 }
 
 export function start(screen: Screen): void {
@@ -105,6 +112,7 @@ export function end(): void {
   link = null;
   setAgent(null);
   endHearing();
+  forgetAsked();
   if (checks !== null) clearInterval(checks);
   window.removeEventListener("online", tryNow);
 }
@@ -139,18 +147,20 @@ function takeTelemetry(telemetry: Telemetry): void {
 /** How quick the link is, whether the login still counts, and how the parts behind the bridge are. */
 async function check(): Promise<void> {
   try {
+    const asked = link;
     const { me, latencyMs, clockOffsetMs } = await http.whoAmI();
+    if (asked !== link) return; // it was said of whoever was here before
     unanswered = 0;
+    if (getState().auth.status === "in") enter(me);
     setState((state) => ({
       reachable: true,
       latencyMs,
       clockOffsetMs: clockOffsetMs ?? state.clockOffsetMs,
-      ...(state.auth.status === "in" ? { auth: { status: "in", me } } : {}),
     }));
     setState({ health: await http.health() });
   } catch (error) {
     if (error instanceof http.HttpError && error.status === 401) {
-      loginEnded();
+      leave("expired");
       return;
     }
     if (error instanceof http.HttpError && error.status !== 0) return;

@@ -2,8 +2,9 @@
 import type { RequestPermissionRequest } from "@agentclientprotocol/sdk";
 import { beforeEach, expect, it } from "vitest";
 import { getState, INITIAL, setState } from "../state/store";
+import { end } from "./connection";
 import { ask, decided } from "./questions";
-import { receive } from "./sessions";
+import { forgetSession, receive } from "./sessions";
 
 const REQUEST: RequestPermissionRequest = {
   sessionId: "s1",
@@ -15,7 +16,10 @@ const REQUEST: RequestPermissionRequest = {
   _meta: { "robot-acp/asker": "Ana", "robot-acp/timeout_s": 60 },
 };
 
-beforeEach(() => setState(INITIAL));
+beforeEach(() => {
+  end();
+  setState(INITIAL);
+});
 
 it("shows who asks for what, and for how long", () => {
   void ask(REQUEST, new AbortController().signal);
@@ -81,6 +85,27 @@ it("tells nobody of their own decision", () => {
   getState().questions[0]?.answer({ outcome: { outcome: "selected", optionId: "allow_once" } });
   decided("s1", "c3", BEN);
   expect(getState().toasts).toEqual([]);
+});
+
+it("tells the next person nothing of what the one before was asked", () => {
+  const withdrawn = new AbortController();
+  void ask(REQUEST, withdrawn.signal);
+  withdrawn.abort();
+  end();
+  decided("s1", "c3", BEN);
+  expect(getState().toasts).toEqual([]);
+});
+
+it("is of no interest any more in a session that was let go", () => {
+  const withdrawn = new AbortController();
+  void ask(REQUEST, withdrawn.signal);
+  void ask({ ...REQUEST, sessionId: "s2" }, withdrawn.signal);
+  withdrawn.abort();
+  forgetSession("s1");
+  decided("s1", "c3", BEN);
+  expect(getState().toasts).toEqual([]);
+  decided("s2", "c3", BEN);
+  expect(getState().toasts).toHaveLength(1);
 });
 
 it("uses the agent's clock where it is ahead or behind", () => {

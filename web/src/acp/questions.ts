@@ -12,10 +12,8 @@ const CANCELLED: RequestPermissionResponse = { outcome: { outcome: "cancelled" }
 
 let asked = 0;
 
-/** What was asked here and not answered here, by session and tool call: others may decide it. */
-const unanswered = new Map<string, Call>();
-
-const nameOf = (sessionId: string, toolCallId: string): string => `${sessionId} ${toolCallId}`;
+/** What was asked here and not answered here, by session and then by tool call: others may decide it. */
+const unanswered = new Map<string, Map<string, Call>>();
 
 /** Shows a question; resolves with the answer. `withdrawn` aborts when the agent no longer wants one. */
 export function ask(
@@ -26,7 +24,7 @@ export function ask(
     const key = `q${++asked}`;
     const { toolCallId } = request.toolCall;
     const answer = (response: RequestPermissionResponse): void => {
-      if (response !== CANCELLED) unanswered.delete(nameOf(request.sessionId, toolCallId));
+      if (response !== CANCELLED) settled(request.sessionId, toolCallId);
       setState((state) => ({ questions: state.questions.filter((other) => other.key !== key) }));
       resolve(response);
     };
@@ -46,7 +44,9 @@ export function ask(
       timeoutS,
       answer,
     };
-    unanswered.set(nameOf(question.sessionId, toolCallId), question);
+    const { sessionId, tool, input, title } = question;
+    const calls = unanswered.get(sessionId) ?? new Map<string, Call>();
+    unanswered.set(sessionId, calls.set(toolCallId, { tool, input, title }));
     setState((state) => ({
       questions: [
         ...state.questions.filter(
@@ -79,10 +79,10 @@ function titleOf(sessionId: string, toolCallId: string): string {
 /** Somebody has decided on this tool call: nobody here needs to, but whoever was asked here wants to know. */
 export function decided(sessionId: string, toolCallId: string, decision: Decision): void {
   closeQuestion(sessionId, toolCallId);
-  const call = unanswered.get(nameOf(sessionId, toolCallId));
+  const call = unanswered.get(sessionId)?.get(toolCallId);
   if (call === undefined) return;
   const what = callWords(call);
-  unanswered.delete(nameOf(sessionId, toolCallId));
+  settled(sessionId, toolCallId);
   if (decision.reason === "timeout") toast("info", i18next.t("question.decidedTimeout", { what }));
   if (decision.reason !== "selected" || decision.by === null) return;
   const allowed = decision.option?.startsWith("allow") === true;
@@ -92,7 +92,22 @@ export function decided(sessionId: string, toolCallId: string, decision: Decisio
 
 /** The call has ended and nobody decides on it any more, as when its turn was cancelled. */
 export function settled(sessionId: string, toolCallId: string): void {
-  unanswered.delete(nameOf(sessionId, toolCallId));
+  unanswered.get(sessionId)?.delete(toolCallId);
+}
+
+/** Nobody here is interested any more in what this session asked; without one, in what any did. */
+export function forgetAsked(sessionId?: string): void {
+  if (sessionId === undefined) unanswered.clear();
+  else unanswered.delete(sessionId);
+}
+
+/** Somebody wants to see this one, of those that are open. */
+export function putFirst({ sessionId, toolCallId }: Pick<Question, "sessionId" | "toolCallId">): void {
+  const isIt = (question: Question): boolean =>
+    question.sessionId === sessionId && question.toolCallId === toolCallId;
+  setState(({ questions }) => ({
+    questions: [...questions.filter(isIt), ...questions.filter((question) => !isIt(question))],
+  }));
 }
 
 function closeQuestion(sessionId: string, toolCallId: string): void {

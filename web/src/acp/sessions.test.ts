@@ -72,4 +72,14 @@ describe("of the sessions that were on the screen", () => {
     await openSession("another");
     expect(getState().attached.has("s0")).toBe(false);
   });
+
+  it("keeps one with a turn that was running when the connection was lost", async () => {
+    await openSession("s0");
+    const running = { "robot-acp/turn": { id: "t", state: "running" } };
+    receive({ sessionId: "s0", update: { sessionUpdate: "session_info_update", _meta: running } });
+    for (const name of names(KEPT).slice(1)) await openSession(name);
+    setAgent(null);
+    await openSession("another");
+    expect(getState().conversations).toHaveProperty("s0.turn.id", "t");
+  });
 });

@@ -19,7 +19,7 @@ import { getState, robotName, setState, toast, type State } from "../state/store
 import { agentNow, hear } from "./agent-clock";
 import { tell } from "./events";
 import { atOf, decisionOf, takenOverBy } from "./meta";
-import { closeQuestionsOf, decided, settled } from "./questions";
+import { closeQuestionsOf, decided, forgetAsked, settled } from "./questions";
 import { rememberSession, sessionOfAddress } from "./address";
 
 const CWD = "/";
@@ -151,11 +151,11 @@ export function attach(sessionId: string, answer: NewSessionResponse | LoadSessi
 /** In the address, and among those that are kept; whichever was left longest ago goes, unless a turn runs in it. */
 function putOnScreen(sessionId: string): void {
   rememberSession(sessionId);
-  const { attached, conversations, drafts } = getState();
+  const { conversations, drafts } = getState();
   const here = (other: string): boolean => other in conversations || other in drafts;
   shown = [...shown.filter((other) => other !== sessionId && here(other)), sessionId];
   for (const old of shown.slice(0, -KEPT)) {
-    const running = attached.has(old) && conversations[old]?.turn != null;
+    const running = conversations[old]?.turn != null;
     if (!running && !(old in drafts)) forgetSession(old);
   }
 }
@@ -207,6 +207,7 @@ export async function watchSession(sessionId: string): Promise<void> {
 export function forgetSession(sessionId: string): void {
   const { currentId, questions } = getState();
   if (sessionId === currentId || questions.some((question) => question.sessionId === sessionId)) return;
+  forgetAsked(sessionId);
   setState((state) => {
     const { [sessionId]: _, ...conversations } = state.conversations;
     const attached = new Set(state.attached);
@@ -247,6 +248,7 @@ function withoutSession({ sessions, found }: State, sessionId: string): Pick<Sta
 export async function deleteSession(sessionId: string): Promise<void> {
   if (agent === null) return;
   await agent.request(methods.agent.session.delete, { sessionId });
+  forgetAsked(sessionId);
   setState((state) => {
     const { [sessionId]: _, ...conversations } = state.conversations;
     const attached = new Set(state.attached);

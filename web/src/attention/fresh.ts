@@ -1,4 +1,4 @@
-/** Which questions nobody here has been called for yet. A question that comes again after a cut calls no second time. */
+/** Which questions nobody here has been called for yet. One that comes again after a cut is not new. */
 export interface Named {
   sessionId: string;
   toolCallId: string;
@@ -17,6 +17,7 @@ export class Calls {
   }
 }
 
-function nameOf({ sessionId, toolCallId }: Named): string {
+/** The same before and after a cut, and in every window that is open to it. */
+export function nameOf({ sessionId, toolCallId }: Named): string {
   return `${sessionId} ${toolCallId}`;
 }

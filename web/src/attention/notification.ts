@@ -25,11 +25,11 @@ export function isInFront(): boolean {
   return document.visibilityState === "visible" && document.hasFocus();
 }
 
-/** Shows one, in the place of an earlier one with this key. Returns what takes it away. */
-export function notify(key: string, title: string, body: string, onClick: () => void): () => void {
+/** Shows one, in the place of an earlier one of this name, also of another tab. Returns what takes it away. */
+export function notify(name: string, title: string, body: string, onClick: () => void): () => void {
   if (allowance() !== "granted") return () => undefined;
   try {
-    const shown = new Notification(title, { body, tag: TAG + key, requireInteraction: true });
+    const shown = new Notification(title, { body, tag: TAG + name, requireInteraction: true });
     shown.onclick = () => {
       window.focus();
       shown.close();

@@ -1,9 +1,10 @@
-/** Calls a person to each new question once: a sound, and a notification while the page is not in front. */
+/** Calls a person to each new question: one sound, and a notification while it is open and the page is not in front. */
 import { useEffect, useRef } from "react";
 import { useTranslation } from "react-i18next";
+import { putFirst } from "../acp/questions";
 import { callWords } from "../i18n/known";
 import { robotName, useStore } from "../state/store";
-import { Calls } from "./fresh";
+import { Calls, nameOf } from "./fresh";
 import { isInFront, notify } from "./notification";
 import { useAttentionSettings } from "./settings";
 import { chime, tuneAtFirstGesture } from "./sound";
@@ -13,26 +14,30 @@ export function useAttention(onClick: () => void): void {
   const questions = useStore((state) => state.questions);
   const robot = useStore(robotName);
   const calls = useRef(new Calls());
-  /** What takes each notification away, by the key of its question. */
+  /** What takes each notification away, by the name of its question. */
   const shown = useRef(new Map<string, () => void>());
 
   useEffect(tuneAtFirstGesture, []);
   useEffect(() => {
-    const open = new Set(questions.map(({ key }) => key));
-    for (const [key, close] of shown.current) {
-      if (open.has(key)) continue;
+    const open = new Set(questions.map(nameOf));
+    for (const [name, close] of shown.current) {
+      if (open.has(name)) continue;
       close();
-      shown.current.delete(key);
+      shown.current.delete(name);
     }
-    const fresh = calls.current.fresh(questions);
-    if (fresh.length === 0) return;
     const settings = useAttentionSettings.getState();
-    if (settings.sound) chime();
-    if (settings.notify && !isInFront()) {
-      for (const question of fresh) {
-        const title = t("question.asks", { robot });
-        shown.current.set(question.key, notify(question.key, title, callWords(question), onClick));
-      }
+    if (calls.current.fresh(questions).length > 0 && settings.sound) chime();
+    if (!settings.notify || isInFront()) return;
+    for (const question of questions) {
+      // One that comes again after a cut has none any more: whoever is away would never know of it.
+      const name = nameOf(question);
+      if (shown.current.has(name)) continue;
+      const title = t("question.asks", { robot });
+      const come = (): void => {
+        putFirst(question);
+        onClick();
+      };
+      shown.current.set(name, notify(name, title, callWords(question), come));
     }
   }, [questions, robot, t, onClick]);
   useEffect(() => {

@@ -2,12 +2,9 @@
 import { useTranslation } from "react-i18next";
 import { isRecord } from "../acp/meta";
 import { clock } from "../i18n/format";
+import { argumentWords } from "../i18n/known";
 
 const DEEPEST = 4;
-
-function words(key: string): string {
-  return key.replaceAll("_", " ");
-}
 
 /** Unix seconds of this century: no length, angle or count of a robot is as large. */
 function isTime(value: number): boolean {
@@ -25,7 +22,7 @@ function useText(): (value: unknown) => string {
     if (Array.isArray(value)) return value.length === 0 ? t("tool.nothing") : value.map(text).join(", ");
     if (isRecord(value)) {
       return Object.entries(value)
-        .map(([key, inner]) => `${words(key)} ${text(inner)}`)
+        .map(([key, inner]) => `${argumentWords(key)} ${text(inner)}`)
         .join(", ");
     }
     return "";
@@ -48,7 +45,7 @@ export function DataView({ value, depth = 0 }: { value: unknown; depth?: number 
       <dl className="data">
         {Object.entries(value).map(([key, inner]) => (
           <div key={key} data-block={!isSmall(inner)}>
-            <dt>{words(key)}</dt>
+            <dt>{argumentWords(key)}</dt>
             <dd>
               <DataView value={inner} depth={depth + 1} />
             </dd>
@@ -70,7 +67,7 @@ function DataTable({ rows }: { rows: Record<string, unknown>[] }) {
           <tr>
             {columns.map((column) => (
               <th key={column} scope="col">
-                {words(column)}
+                {argumentWords(column)}
               </th>
             ))}
           </tr>

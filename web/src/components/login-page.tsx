@@ -4,6 +4,7 @@ import { useEffect, useState, type SubmitEvent } from "react";
 import { useTranslation } from "react-i18next";
 import { begin, logIn } from "../acp/connection";
 import { isKiosk } from "../screen";
+import type { LoginProblem } from "../state/store";
 import { Mark } from "./mark";
 
 const AGAIN_MS = 5000;
@@ -16,14 +17,12 @@ const KIOSK = {
   unreachable: "login.kioskUnreachable",
 } as const;
 
-type Problem = "none" | "invalid" | "expired" | "unreachable";
-
 /** The token itself, of whatever was pasted: a link, its fragment, or the token. */
 function tokenIn(pasted: string): string {
   return /[#&?]?token=([^&\s]+)/.exec(pasted)?.[1] ?? pasted.trim();
 }
 
-export function LoginPage({ problem }: { problem: Problem }) {
+export function LoginPage({ problem }: { problem: LoginProblem }) {
   const { t } = useTranslation();
   const [pasted, setPasted] = useState("");
   const [busy, setBusy] = useState(false);

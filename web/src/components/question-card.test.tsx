@@ -1,7 +1,7 @@
 /** Allowing takes an act of will. */
 import type { RequestPermissionResponse } from "@agentclientprotocol/sdk";
 import { act, cleanup, fireEvent, render, screen } from "@testing-library/react";
-import { beforeEach, describe, expect, it, vi } from "vitest";
+import { beforeEach, describe, expect, it, vi, type MockInstance } from "vitest";
 import { INITIAL, setState, type Question } from "../state/store";
 import { QuestionCard } from "./question-card";
 
@@ -12,6 +12,7 @@ class Observer {
   disconnect = vi.fn();
 }
 
+let inFront: MockInstance<() => boolean>;
 const answers: RequestPermissionResponse[] = [];
 
 const QUESTION: Question = {
@@ -38,6 +39,7 @@ const QUESTION: Question = {
 beforeEach(() => {
   vi.useFakeTimers();
   vi.stubGlobal("ResizeObserver", Observer);
+  inFront = vi.spyOn(document, "hasFocus").mockReturnValue(true);
   answers.length = 0;
   setState({
     ...INITIAL,
@@ -71,6 +73,37 @@ describe("the question", () => {
     later(100);
     fireEvent.click(allow, { detail: 1 });
     expect(answers).toEqual([{ outcome: { outcome: "selected", optionId: "allow_once" } }]);
+  });
+
+  it("is not allowed by the second click of a double click, which another question may have got", () => {
+    const allow = screen.getByTestId("permission-allow");
+    later(450);
+    fireEvent.click(allow, { detail: 2 });
+    expect(answers).toEqual([]);
+    fireEvent.click(allow, { detail: 1 });
+    expect(answers).toHaveLength(1);
+  });
+
+  it("cannot be allowed by the click that brings its window to the front", () => {
+    const allow = screen.getByTestId("permission-allow");
+    inFront.mockReturnValue(false);
+    later(5000);
+    inFront.mockReturnValue(true);
+    fireEvent.focus(window);
+    later(100);
+    fireEvent.click(allow, { detail: 1 });
+    expect(answers).toEqual([]);
+    later(400);
+    fireEvent.click(allow, { detail: 1 });
+    expect(answers).toHaveLength(1);
+  });
+
+  it("can be allowed with the first click after one into the map, whose frame takes the keyboard", () => {
+    later(450);
+    fireEvent.blur(window);
+    fireEvent.focus(window);
+    fireEvent.click(screen.getByTestId("permission-allow"), { detail: 1 });
+    expect(answers).toHaveLength(1);
   });
 
   it("shows how far it is, and what its title leaves out", () => {

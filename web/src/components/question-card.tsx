@@ -1,13 +1,15 @@
 /**
  * The pending question, pinned above the field to write in. Allowing takes an act of will: the focus is on "Don't",
- * Allow is dead for the first moment, and no key that was meant for something else reaches it.
+ * Allow is dead for the first moment, also that in which the window comes to the front, and neither a key nor a click
+ * that was meant for something else reaches it.
  */
 import { BellRing, Route, ShieldQuestion, Volume2, VolumeX } from "lucide-react";
-import { useEffect, useId, useRef, useState, type MouseEvent } from "react";
+import { useEffect, useId, useState, type MouseEvent } from "react";
 import { useTranslation } from "react-i18next";
 import type { PermissionOption } from "@agentclientprotocol/sdk";
 import { askAllowance, useAllowance } from "../attention/notification";
 import { change, useAttentionSettings } from "../attention/settings";
+import { useInFrontSince } from "../hooks/use-in-front-since";
 import { useNow } from "../hooks/use-now";
 import { fixed, metres } from "../i18n/format";
 import { callWords, toolWords } from "../i18n/known";
@@ -67,14 +69,13 @@ export function QuestionCard({ question, count }: { question: Question; count: n
   const me = useMe();
   const [alive, setAlive] = useState(false);
   const [every, setEvery] = useState(false);
-  const bornAt = useRef(0);
+  const inFrontSince = useInFrontSince();
   const title = callWords(question);
   const ids = { title: useId(), text: useId(), what: useId() };
   const always = pick(question.options, true);
   const chosen = pick(question.options, every);
 
   useEffect(() => {
-    bornAt.current = performance.now();
     const timer = setTimeout(() => setAlive(true), DEAD_MS);
     // Somebody in the middle of a sentence keeps the keyboard: the next letter must not land on a button.
     const at = document.activeElement;
@@ -92,9 +93,15 @@ export function QuestionCard({ question, count }: { question: Question; count: n
     });
     document.getElementById(COMPOSER_ID)?.focus();
   };
+  const isTooSoon = (): boolean => performance.now() - inFrontSince.current < DEAD_MS;
+  const allow = (event: MouseEvent): void => {
+    // The second click of two may have been meant for the question before this one.
+    if (event.detail > 1 || isTooSoon()) return;
+    answer(chosen.allow);
+  };
   const refuse = (event: MouseEvent): void => {
     // A click that a key made within the first moment was meant for what had the focus before.
-    if (event.detail === 0 && performance.now() - bornAt.current < DEAD_MS) return;
+    if (event.detail === 0 && isTooSoon()) return;
     answer(chosen.reject);
   };
 
@@ -158,7 +165,7 @@ export function QuestionCard({ question, count }: { question: Question; count: n
             className="button primary"
             data-testid="permission-allow"
             disabled={!alive || chosen.allow === undefined}
-            onClick={() => answer(chosen.allow)}
+            onClick={allow}
           >
             {t(every ? "question.allowEvery" : "question.allow")}
           </button>
@@ -172,7 +179,7 @@ export function QuestionCard({ question, count }: { question: Question; count: n
 function What({ question }: { question: Question }) {
   const { t } = useTranslation();
   const { preview } = question;
-  const rest = untold(callWords(question), question.input);
+  const rest = untold(question);
   return (
     <>
       {preview !== null && (

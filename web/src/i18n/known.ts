@@ -42,10 +42,37 @@ function knows<Texts extends object>(
 }
 
 /** What a call does. Its arguments stand in it as they are: who decides must be able to compare. */
-export function callWords({ tool, input, title }: Call): string {
-  if (!knows(en.toolCall, tool)) return title;
+export function callWords(call: Call): string {
+  const known = knownCall(call);
+  return known === null ? call.title : i18next.t(`toolCall.${known.tool}`, known.values);
+}
+
+/** The names of the arguments that stand in our words for a call; null where it keeps the title that came. */
+export function argumentsTold(call: Call): string[] | null {
+  const known = knownCall(call);
+  return known && Object.keys(known.values);
+}
+
+/** A tool of another robot may have the same name and do something else: its title must be the one that is known. */
+function knownCall({ tool, input, title }: Call): { tool: keyof typeof en.toolCall; values: Values } | null {
+  if (!knows(en.toolCall, tool)) return null;
   const values = valuesOf(ARGUMENTS[tool], input);
-  return values === null ? title : i18next.t(`toolCall.${tool}`, values);
+  return values !== null && titlesOf(tool, values).includes(title) ? { tool, values } : null;
+}
+
+/** Its title in English, in every form that its numbers may have. */
+function titlesOf(tool: keyof typeof en.toolCall, values: Values): string[] {
+  let written: Values[] = [{}];
+  for (const [name, value] of Object.entries(values))
+    written = written.flatMap((others) => formsOf(value).map((form) => ({ ...others, [name]: form })));
+  return written.map((forms) => i18next.t(`toolCall.${tool}`, { ...forms, lng: "en" }));
+}
+
+/** How a title writes an argument: Python writes 3.0 where JSON has 3. */
+export function formsOf(value: unknown): string[] {
+  if (typeof value === "string") return value === "" ? [] : [value];
+  if (typeof value !== "number") return [];
+  return Number.isInteger(value) ? [`${value}.0`, String(value)] : [String(value)];
 }
 
 function valuesOf(wanted: Record<string, Kind>, input: unknown): Values | null {
@@ -59,9 +86,14 @@ function valuesOf(wanted: Record<string, Kind>, input: unknown): Values | null {
   return values;
 }
 
+/** What an argument is called, or another piece of data. */
+export function argumentWords(key: string): string {
+  return knows(en.argument, key) ? i18next.t(`argument.${key}`) : key.replaceAll("_", " ");
+}
+
 /** What a tool does, whatever its arguments. */
 export function toolWords(tool: string | null, title: string): string {
-  return knows(en.tools, tool) ? i18next.t(`tools.${tool}`) : title;
+  return knows(en.tools, tool) && title === en.tools[tool] ? i18next.t(`tools.${tool}`) : title;
 }
 
 /** Another agent's mode may have the same name and mean something else: its text must be the one that is known. */
@@ -71,11 +103,11 @@ export function modeWords({ value, name, description }: Choice): Choice {
   return { value, name: i18next.t(`mode.${value}`), description: i18next.t(`modeText.${value}`) };
 }
 
-/** A mode of which only the name is told. */
+/** A mode of which only the name is told, as in the log: there is nothing to compare it with. */
 export function modeName(id: string): string {
   return knows(en.mode, id) ? i18next.t(`mode.${id}`) : id;
 }
 
 export function settingName(id: string, name: string): string {
-  return knows(en.setting, id) ? i18next.t(`setting.${id}`) : name;
+  return knows(en.setting, id) && name === en.setting[id] ? i18next.t(`setting.${id}`) : name;
 }

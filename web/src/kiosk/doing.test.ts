@@ -26,7 +26,7 @@ function call(
   const announced: SessionUpdate = {
     sessionUpdate: "tool_call",
     toolCallId: "c1",
-    title: `Title of ${tool}`,
+    title: tool === "speak" ? "Say aloud: “Hello.”" : `Title of ${tool}`,
     status,
     ...(tool === "speak" ? { rawInput: { text: "Hello." } } : {}),
     _meta: { "robot-acp/tool": tool },

@@ -42,10 +42,11 @@ export interface Toast {
   text: string;
 }
 
+/** Why nobody is in. */
+export type LoginProblem = "none" | "invalid" | "expired" | "unreachable";
+
 export type Auth =
-  | { status: "checking" }
-  | { status: "out"; problem: "none" | "invalid" | "expired" | "unreachable" }
-  | { status: "in"; me: Me };
+  { status: "checking" } | { status: "out"; problem: LoginProblem } | { status: "in"; me: Me };
 
 export interface State {
   auth: Auth;

@@ -1,5 +1,6 @@
 /** Nothing that happens is hidden from whoever decides, and nothing is said twice. */
-import { expect, it } from "vitest";
+import { afterEach, expect, it } from "vitest";
+import i18next from "../i18n";
 import { untold } from "./untold";
 
 it.each([
@@ -16,5 +17,24 @@ it.each([
   ["Say: 5", { text: "5 is 5", loudness: 5 }, ["text"]],
   ["Open", "not an object", []],
 ])("%s with %j leaves %j to be told", (title, input, left) => {
-  expect(Object.keys(untold(title, input))).toEqual(left);
+  expect(Object.keys(untold({ tool: null, input, title }))).toEqual(left);
+});
+
+afterEach(async () => {
+  await i18next.changeLanguage("en");
+});
+
+it.each(["en", "es"])("takes no word of ours for an argument: %s", async (language) => {
+  await i18next.changeLanguage(language);
+  const speak = { text: "Hello.", how: "alta", voice: "voz", to: "a", style: "Say", volume: "aloud" };
+  const said = untold({ tool: "speak", input: speak, title: "Say aloud: “Hello.”" });
+  expect(Object.keys(said)).toEqual(["how", "voice", "to", "style", "volume"]);
+  const drive = { x: 4.2, y: 3, yaw: 1.57 };
+  const driven = untold({ tool: "navigate_to_pose", input: drive, title: "Drive to (4.2, 3.0)" });
+  expect(Object.keys(driven)).toEqual(["yaw"]);
+});
+
+it("takes the title that came for what it says where it is not ours", () => {
+  const send = { tool: "speak", input: { text: "Hello.", to: "Ana" }, title: "Send “Hello.”" };
+  expect(Object.keys(untold(send))).toEqual(["to"]);
 });

@@ -1,22 +1,29 @@
 /**
- * The arguments of a call that its title does not tell: whoever decides must see all of it, and nothing twice. A value
- * counts as told when it stands in the title as a word of its own, once for each argument.
+ * The arguments of a call that its title does not tell: whoever decides must see all of it, and nothing twice. In a title
+ * that came as it is, a value counts as told when it stands in the title as a word of its own, once for each argument.
  */
 import { isRecord } from "../acp/meta";
+import { argumentsTold, formsOf, type Call } from "../i18n/known";
 
-export function untold(title: string, input: unknown): Record<string, unknown> {
-  if (!isRecord(input)) return {};
-  const entries = Object.entries(input).filter(([, value]) => value !== null && value !== undefined);
-  const told = new Set<string>();
+export function untold(call: Call): Record<string, unknown> {
+  if (!isRecord(call.input)) return {};
+  const entries = Object.entries(call.input).filter(([, value]) => value !== null && value !== undefined);
+  // In words of ours an argument may look told that is not: "a" is a word of a Spanish title.
+  const told = new Set(argumentsTold(call) ?? found(call.title, entries));
+  return Object.fromEntries(entries.filter(([key]) => !told.has(key)));
+}
+
+function found(title: string, entries: [string, unknown][]): string[] {
+  const told: string[] = [];
   let rest = title;
   // The longest first: a number may stand in a sentence that is another argument.
   for (const [key, value] of [...entries].sort((a, b) => String(b[1]).length - String(a[1]).length)) {
     const left = without(rest, value);
     if (left === null) continue;
     rest = left;
-    told.add(key);
+    told.push(key);
   }
-  return Object.fromEntries(entries.filter(([key]) => !told.has(key)));
+  return told;
 }
 
 /** The text less one mention of the value; null when it does not mention it. */
@@ -27,11 +34,4 @@ function without(text: string, value: unknown): string | null {
     if (mention.test(text)) return text.replace(mention, "\n");
   }
   return null;
-}
-
-/** How a title writes it: Python writes 3.0 where JSON has 3. */
-function formsOf(value: unknown): string[] {
-  if (typeof value === "string") return value === "" ? [] : [value];
-  if (typeof value !== "number") return [];
-  return Number.isInteger(value) ? [`${value}.0`, String(value)] : [String(value)];
 }

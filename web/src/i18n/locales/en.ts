@@ -223,6 +223,13 @@ const en = {
     rotate_in_place: "Turn by {{degrees}}°",
     speak: "Say aloud: “{{text}}”",
   },
+  argument: {
+    place: "place",
+    yaw: "yaw",
+    degrees: "degrees",
+    text: "text",
+    plan_only: "plan only",
+  },
   tools: {
     get_topological_map: "Read the map",
     get_current_pose: "Where is the robot",

@@ -232,6 +232,13 @@ const es = {
     rotate_in_place: "Girar {{degrees}}°",
     speak: "Decir en voz alta: «{{text}}»",
   },
+  argument: {
+    place: "lugar",
+    yaw: "orientación",
+    degrees: "grados",
+    text: "texto",
+    plan_only: "solo calcular el camino",
+  },
   tools: {
     get_topological_map: "Leer el mapa",
     get_current_pose: "Dónde está el robot",
