@@ -26,6 +26,8 @@ from tests.processes import Robot, end, eventually
 
 CORRIDOR = (6.4, 7.6)
 """m: between which y the robot can stand in the simulator's corridor."""
+FRAMES = "() => new Promise(drawn => requestAnimationFrame(() => requestAnimationFrame(drawn)))"
+"""Until the page has drawn what was under way, however long one frame takes it."""
 
 
 @pytest.fixture(scope="module")
@@ -50,11 +52,16 @@ async def drawn(page: Page, seen: str = "map") -> None:
     await expect(view(page, seen)).to_have_attribute("aria-pressed", "true")
     canvas = page.frame_locator("iframe").locator("canvas").first
     before = Image.new("RGB", (1, 1))
+    equal = 0
 
     async def settled() -> bool:
-        nonlocal before
+        nonlocal before, equal
+        # A busy machine may not have drawn yet between two pictures: frames of the map's own are waited for.
+        await canvas.evaluate(FRAMES)
         last, before = before, await picture(canvas)
-        return len(before.getcolors(maxcolors=2**24) or []) > 200 and changed(last, before) < 0.001
+        same = len(before.getcolors(maxcolors=2**24) or []) > 200 and changed(last, before) < 0.001
+        equal = equal + 1 if same else 0
+        return equal >= 3
 
     await until(settled, "the map to be drawn")
 
