@@ -11,7 +11,7 @@ import pytest
 from backend.chat.link import LinkError, RefusedError
 from backend.identity import Role
 from tests.agent.conftest import Opener
-from tests.processes import Robot, eventually
+from tests.processes import Client, Robot, eventually
 
 NOON = "Go to lab 2.3.7 and tell them that the meeting is at noon"
 
@@ -78,12 +78,17 @@ async def test_no_answer_in_time_is_a_refusal(connect: Opener) -> None:
     assert [m["params"]["requestId"] for m in withdrawn] == [client.questions[0]["id"]]
 
 
-async def test_nobody_who_may_approve_is_a_refusal(robot: Robot, connect: Opener) -> None:
-    visitor = await connect(robot.token("Vera", Role.VISITOR))
-    await visitor.new()
-    await visitor.prompt("say hello")
-    assert "nobody is there who may allow it" in visitor.said
-    assert visitor.questions == []
+async def test_nobody_who_may_approve_is_a_refusal(robot: Robot) -> None:
+    alone = robot.with_another_agent()  # nobody has been here a moment ago, and is expected back
+    with alone.running("agent", port=alone.agent_port):
+        visitor = await Client.open(f"tcp://127.0.0.1:{alone.agent_port}")
+        token = {"robot-acp/token": robot.token("Vera", Role.VISITOR)}
+        await visitor.link.request("authenticate", {"methodId": "token", "_meta": token})
+        await visitor.new()
+        await visitor.prompt("say hello")
+        assert "nobody is there who may allow it" in visitor.said
+        assert visitor.questions == []
+        await visitor.close()
 
 
 async def test_a_supervisor_who_comes_to_a_visitors_session_is_asked_and_the_visitor_sees_the_wait(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from dataclasses import dataclass
 
@@ -181,7 +182,7 @@ async def test_every_way_to_say_no_refuses_every_tool(
             for way, reason in WAYS_TO_SAY_NO.items():
                 await way(scene, tool, robot, connect_strict)
                 assert scene.end_of(tool) == "failed", way.__name__
-                assert reason in scene.asker.said, way.__name__
+                assert re.search(reason, scene.asker.said), way.__name__
                 assert not scene.moved, way.__name__
                 assert watched.spoken == [], way.__name__
 
@@ -259,11 +260,13 @@ async def beside(scene: Staged, tool: str, act: Callable[[str], Awaitable[None]]
     await asking
 
 
+NOBODY = "nobody (is there who may allow it|answered in time)"
+"""Ben, who was asked about the tool before, may still be expected back."""
 WAYS_TO_SAY_NO = {
     rejecting: "refused by Sue",
-    choosing_what_was_never_offered: "nobody is there who may allow it",
-    answering_with_no_outcome: "nobody is there who may allow it",
-    answering_with_an_error: "nobody is there who may allow it",
+    choosing_what_was_never_offered: NOBODY,
+    answering_with_no_outcome: NOBODY,
+    answering_with_an_error: NOBODY,
     leaving: "nobody answered in time",  # that time is shorter than they are waited for
     not_answering_while_those_do_who_may_not: "nobody answered in time",
     changing_ones_mind: "refused by Sue",

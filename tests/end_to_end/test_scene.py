@@ -61,9 +61,9 @@ async def drawn(page: Page, seen: str = "map") -> None:
         last, before = before, await picture(canvas)
         same = len(before.getcolors(maxcolors=2**24) or []) > 200 and changed(last, before) < 0.001
         equal = equal + 1 if same else 0
-        return equal >= 3
+        return equal >= 2
 
-    await until(settled, "the map to be drawn")
+    await until(settled, "the map to be drawn", 90)
 
 
 async def picture(shown: Locator) -> Image.Image:
