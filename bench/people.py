@@ -15,9 +15,10 @@ import time
 import urllib.request
 from pathlib import Path
 
+from playwright.async_api import Page
 from shared import ROOT, Robot, dashboard, end, machine, report, turn_over, up
 
-from tests.end_to_end.test_papers_session import cancel_and_time
+from tests.processes import Watched
 
 FIRST_THOUGHT = """async (text) => {
   const thoughts = () => document.querySelectorAll('[data-testid=thought]').length;
@@ -65,6 +66,18 @@ def start_to_page(runs: int) -> list[float]:
                 took.append(time.monotonic() - began)
             end(process, signal.SIGINT)
     return took
+
+
+async def cancel_and_time(page: Page, watched: Watched) -> float:
+    """Click Cancel, and return the seconds of wall time until the robot itself says that it stands."""
+    clicked_at = await page.get_by_test_id("cancel").evaluate(
+        "button => { const t = Date.now(); button.click(); return t }"
+    )
+    await watched.until(lambda: watched.speed == 0, "the robot to halt")
+    # Both clocks are this machine's; the states carry the time of their arrival.
+    offset = time.time() - time.monotonic()
+    halted_at = next(at for at, state in watched.states if at + offset > clicked_at / 1000 and state.twist.linear == 0)
+    return halted_at + offset - clicked_at / 1000
 
 
 async def in_browser(runs: int) -> None:
