@@ -150,7 +150,10 @@ class _Lines:
 
     async def receive(self) -> dict[str, Any] | None:
         line = await wire.read_line(self._reader)
-        return None if line is None else wire.check(line).body
+        if line is None:
+            self._writer.close()  # nobody reads what this half would still say
+            return None
+        return wire.check(line).body
 
     async def close(self) -> None:
         self._writer.close()

@@ -33,7 +33,9 @@ def up(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory)
     assert request.config.cache is not None
     if request.param:
         share_interfaces(data, request.config.cache)
-    running = start(Robot(data), *request.param)
+    # A machine that tests many things at once may stall for longer than a robot's computer ever should.
+    patient = {"ROBOT_ACP_ROBOT__LIMITS__POSE_TIMEOUT": "5"}
+    running = start(Robot(data, patient), *request.param)
     yield running
     assert end(running.process, signal.SIGINT) == 0
 
