@@ -24,6 +24,8 @@ from tests.end_to_end.test_dashboard import PHONE, login, until
 from tests.end_to_end.test_papers_session import ask
 from tests.processes import Robot, end, eventually
 
+ALIKE = 0.03
+"""The share of two pictures of the same that may differ: viser draws more coarsely the slower the machine is."""
 CORRIDOR = (6.4, 7.6)
 """m: between which y the robot can stand in the simulator's corridor."""
 FRAMES = "() => new Promise(drawn => requestAnimationFrame(() => requestAnimationFrame(drawn)))"
@@ -59,7 +61,7 @@ async def drawn(page: Page, seen: str = "map") -> None:
         # A busy machine may not have drawn yet between two pictures: frames of the map's own are waited for.
         await canvas.evaluate(FRAMES)
         last, before = before, await picture(canvas)
-        same = len(before.getcolors(maxcolors=2**24) or []) > 200 and changed(last, before) < 0.001
+        same = len(before.getcolors(maxcolors=2**24) or []) > 200 and changed(last, before) < ALIKE
         equal = equal + 1 if same else 0
         return equal >= 2
 
