@@ -27,6 +27,11 @@ class Person:
         self.withdrawn = False
         self.may_approve = True
 
+    def says(self, option: str) -> None:
+        """Answer the question that was put."""
+        assert self.asked is not None
+        self.asked.set_result(chosen(option))
+
     async def request(self, method: str, params: dict[str, Any]) -> Any:
         assert method == "session/request_permission"
         assert params["toolCall"] == CALL
@@ -110,8 +115,7 @@ async def test_an_answer_that_is_none_of_those_offered_refuses(ana: Person, answ
 async def test_the_first_answer_counts_and_the_others_see_the_question_withdrawn(ana: Person, ben: Person) -> None:
     question = Desk(ana, ben).ask()
     await asked(ana, ben)
-    assert ben.asked is not None
-    ben.asked.set_result(chosen("reject_once"))
+    ben.says("reject_once")
     assert (await question).by == "Ben"
     async with asyncio.timeout(5):
         while not ana.withdrawn:
@@ -132,8 +136,7 @@ async def test_the_answer_of_one_who_may_no_longer_approve_does_not_count(ana: P
     question = Desk(ana).ask()
     await asked(ana)
     ana.may_approve = False
-    assert ana.asked is not None
-    ana.asked.set_result(chosen("allow_once"))
+    ana.says("allow_once")
     assert await question == Verdict(False, "nobody")
 
 
@@ -142,8 +145,7 @@ async def test_what_needs_four_eyes_is_not_asked_of_the_asker(ana: Person, ben: 
     question = asyncio.create_task(desk.desk.ask("s1", CALL, "speech", "Ana", not_by="Ana"))
     await asked(ben)
     assert ana.asked is None
-    assert ben.asked is not None
-    ben.asked.set_result(chosen("allow_once"))
+    ben.says("allow_once")
     assert (await question).by == "Ben"
     alone = Desk(ana).desk.ask("s1", CALL, "speech", "Ana", not_by="Ana")
     assert await alone == Verdict(False, "nobody")
@@ -160,8 +162,7 @@ async def test_with_somebody_who_may_come_it_waits_and_asks_who_comes(ana: Perso
     assert not question.done()
     desk.attach(ana)
     await asked(ana)
-    assert ana.asked is not None
-    ana.asked.set_result(chosen("allow_once"))
+    ana.says("allow_once")
     assert (await question).by == "Ana"
     assert await desk.ask("s1", CALL, "speech", "Ana", not_by="Ana") == Verdict(False, "nobody")
 
@@ -206,8 +207,7 @@ async def test_one_whose_answer_did_not_count_speaks_for_nobody_who_is_expected(
     again = Person("Ana")
     desk.desk.attach(again)
     await asked(again)
-    assert again.asked is not None
-    again.asked.set_result(chosen("allow_once"))
+    again.says("allow_once")
     assert (await question).by == "Ana"
 
 
@@ -220,8 +220,7 @@ async def test_one_who_is_expected_is_expected_at_every_desk(ana: Person) -> Non
     assert not question.done()
     there.desk.attach(ana)
     await asked(ana)
-    assert ana.asked is not None
-    ana.asked.set_result(chosen("allow_once"))
+    ana.says("allow_once")
     assert (await question).by == "Ana"
 
 
@@ -254,8 +253,7 @@ async def test_the_last_one_who_comes_back_is_asked_again(ana: Person) -> None:
     again = Person("Ana")
     desk.desk.attach(again)
     await asked(again)
-    assert again.asked is not None
-    again.asked.set_result(chosen("allow_once"))
+    again.says("allow_once")
     assert await question == Verdict(True, "selected", "allow_once", "Ana")
 
 
@@ -267,8 +265,7 @@ async def test_what_is_asked_while_they_are_away_waits_for_them(ana: Person) -> 
     await asyncio.sleep(0)
     desk.desk.attach(again)
     await asked(again)
-    assert again.asked is not None
-    again.asked.set_result(chosen("reject_once"))
+    again.says("reject_once")
     assert (await question).by == "Ana"
 
 
@@ -283,8 +280,7 @@ async def test_a_connection_that_breaks_is_somebody_who_may_come_back(ana: Perso
     again = Person("Ana")
     desk.desk.attach(again)
     await asked(again)
-    assert again.asked is not None
-    again.asked.set_result(chosen("allow_once"))
+    again.says("allow_once")
     assert (await question).allowed
 
 
@@ -305,8 +301,7 @@ async def test_one_who_opens_the_session_again_is_asked_again_and_refuses_nothin
     ana.asked = None
     desk.desk.attach(ana)
     await asked(ana)
-    assert ana.asked is not None
-    ana.asked.set_result(chosen("allow_once"))
+    ana.says("allow_once")
     assert (await question).allowed
 
 
@@ -316,8 +311,7 @@ async def test_one_who_comes_later_gets_the_pending_question(ana: Person, ben: P
     await asked(ana)
     desk.desk.attach(ben)
     await asked(ben)
-    assert ben.asked is not None
-    ben.asked.set_result(chosen("allow_once"))
+    ben.says("allow_once")
     assert (await question).by == "Ben"
 
 
