@@ -139,7 +139,10 @@ async def first_load(running: Up, opened: Browser, url: str) -> tuple[float, int
     await wire.send("Network.enable")
     await page.goto(url, wait_until="commit")
     took = await page.evaluate("window.benchUsable") / 1000
-    await page.wait_for_load_state("networkidle")  # what comes later counts too
+    counted = -1
+    while counted != len(scripts) or scripts - sizes.keys():  # what comes later counts too
+        counted = len(scripts)
+        await asyncio.sleep(1.0)
     await context.close()
     return took, sum(int(size) for request, size in sizes.items() if request in scripts)
 

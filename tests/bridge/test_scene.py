@@ -213,6 +213,23 @@ async def test_standing_still_with_people_about_costs_what_they_move_and_no_more
         assert len(buffer.message_from_id) <= nodes + 4  # what is kept for a new viewer does not grow
 
 
+async def test_the_noise_of_the_laser_is_no_news(scene):
+    surroundings = scene._stage._surroundings
+
+    def drawn(x: float) -> float:
+        surroundings.show(person(x), 0.0)
+        return float(surroundings.points.points[2][0])
+
+    assert drawn(7.0) == pytest.approx(6.8, abs=0.01)
+    assert drawn(7.05) == pytest.approx(6.8, abs=0.01)
+    assert drawn(7.12) == pytest.approx(6.92, abs=0.01)
+    surroundings.hide()
+    assert drawn(7.12) == pytest.approx(6.92, abs=0.01)
+    assert surroundings.points.visible
+    surroundings.show(Scan(1.0, Pose(5.0, 5.0, 0.0), -0.06, 0.03, 10.0, [10.0] * 5), 0.0)
+    assert drawn(7.12) == pytest.approx(6.92, abs=0.01)
+
+
 async def test_who_the_laser_sees_is_a_post_that_is_gone_with_the_robot(scene, robot, wait_until):
     stage = scene._stage
     await robot.send(HALL, state(pose=Pose(5.0, 5.0, 0.0)), person(7.0))

@@ -19,6 +19,8 @@ LASER_HEIGHT = 0.3
 POST_HEIGHT = 1.2
 _LOOK_EVERY = 0.1
 """s between looks for obstacles: nobody sees a faster post, and each change costs."""
+_ALIKE = 0.1
+"""m, more than a laser's noise: points that are all within it of those that are drawn cost no page a new picture."""
 _NOTHING = np.array([[0, 0, -100]], np.float32)  # out of sight, as a cloud cannot be empty
 
 
@@ -30,6 +32,7 @@ class Surroundings:
         self._known: obstacles.Known | None = None
         self._posts = obstacles.Posts()
         self._due = 0.0  # when to look for obstacles next
+        self._drawn = _NOTHING
         self.points = scene.add_point_cloud(
             "/laser",
             _NOTHING,
@@ -55,7 +58,10 @@ class Surroundings:
         # In the map's frame, not below the robot: it has moved on since, and a page turns points and frames at
         # different moments.
         points = shapes.hits(scan, LASER_HEIGHT)
-        self._nodes.assign(self.points, points=points if len(points) else _NOTHING, visible=True)
+        drawable = points if len(points) else _NOTHING
+        if not _are_alike(drawable, self._drawn):
+            self._drawn = drawable
+        self._nodes.assign(self.points, points=self._drawn, visible=True)
         if self._known is not None and now >= self._due:
             self._due = now + _LOOK_EVERY
             self._posts.update(obstacles.seen(points[:, :2], scan.pose, self._known), now)
@@ -73,3 +79,7 @@ class Surroundings:
                 size = (post.radius, post.radius, POST_HEIGHT)
                 self._nodes.assign(node, position=(post.x, post.y, 0.0), scale=size)
             self._nodes.assign(node, visible=post is not None)
+
+
+def _are_alike(points: np.ndarray, others: np.ndarray) -> bool:
+    return points.shape == others.shape and bool(np.all(np.abs(points - others) < _ALIKE))
