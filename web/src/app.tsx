@@ -1,6 +1,7 @@
 /** The page: who is not logged in sees the login, everybody else the dashboard or, at /kiosk, the kiosk. */
 import { lazy, Suspense } from "react";
 import { useTranslation } from "react-i18next";
+import { keyOf } from "./acp/connection";
 import { Crash } from "./components/crash";
 import { LoginPage } from "./components/login-page";
 import { isKiosk } from "./screen";
@@ -19,7 +20,7 @@ export function App() {
   return (
     <Crash>
       <Suspense fallback={<Wait />}>
-        <Screen key={auth.me.name} />
+        <Screen key={keyOf(auth.me)} />
       </Suspense>
     </Crash>
   );

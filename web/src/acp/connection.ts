@@ -61,10 +61,13 @@ export async function logOut(): Promise<void> {
   leave("none");
 }
 
+/** One person in one role: a connection keeps the role with which it was opened. */
+export const keyOf = (me: http.Me): string => `${me.role} ${me.name}`;
+
 /** Who comes in the place of somebody else finds nothing of theirs: what they had read may be news to this one. */
 function enter(me: http.Me): void {
   const { auth } = getState();
-  const other = auth.status === "in" && auth.me.name !== me.name;
+  const other = auth.status === "in" && keyOf(auth.me) !== keyOf(me);
   if (other) end();
   setState({ ...(other ? INITIAL : {}), auth: { status: "in", me } });
 }

@@ -9,8 +9,8 @@ import { Link } from "./link";
 const ended = vi.fn();
 
 /** What the server answers from now on. */
-function answers(name: string | null): void {
-  const me = { name, role: "supervisor", robot: "Sancho" };
+function answers(name: string | null, role = "supervisor"): void {
+  const me = { name, role, robot: "Sancho" };
   vi.stubGlobal("fetch", () =>
     Promise.resolve(Response.json(name === null ? {} : me, { status: name === null ? 401 : 200 })),
   );
@@ -50,6 +50,13 @@ it("is a page as if loaded anew for somebody else, on a connection of their own"
     auth: { status: "in", me: { name: "Ben", role: "supervisor", robot: "Sancho" } },
   });
   expect(useComposerText.getState().text).toBe("");
+});
+
+it("is the same for the same name in another role, which the old connection does not have", async () => {
+  answers("Ana", "viewer");
+  await logIn("Ana's for looking");
+  expect(ended).toHaveBeenCalledOnce();
+  expect(getState()).toMatchObject({ auth: { me: { role: "viewer" } }, conversations: {}, stopError: null });
 });
 
 it("is the same for somebody who logs in after a link that did not count", async () => {

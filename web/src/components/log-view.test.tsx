@@ -79,6 +79,15 @@ it("leaves alone who reads further up, and goes on when the reader is back", asy
   await shows(111, 210);
 });
 
+it("leads whoever has read on for long to the newest", async () => {
+  scroll(1800);
+  scroll(400);
+  come(600);
+  await shows(51, 550);
+  fireEvent.click(screen.getByTestId("log-newest"));
+  await shows(651, 750);
+});
+
 it("keeps an older page as it is", async () => {
   fireEvent.click(screen.getByTestId("log-earlier"));
   await shows(1, 100);

@@ -33,15 +33,21 @@ export function LogView({ sessionId }: { sessionId: string }) {
   const [words, setWords] = useState("");
   /** The number of the first event of the page that is on the screen; null for the newest page, whichever that is. */
   const [from, setFrom] = useState<number | null>(null);
+  /** Counts the pages that were turned to: each begins anew, also the newest one for whoever has scrolled up in it. */
+  const [turns, setTurns] = useState(0);
   /** What looking for something gave, for those who do not see the list; what comes later is not announced. */
   const [said, setSaid] = useState("");
   const nameOf = useMemo(() => (kind: Kind) => t(`logKind.${kind}`), [t]);
   const found = useMemo(() => matching(rows, kinds, words, nameOf), [rows, kinds, words, nameOf]);
 
+  const turnTo = (to: number | null): void => {
+    setFrom(to);
+    setTurns((count) => count + 1);
+  };
   const look = (nextKinds: ReadonlySet<Filter>, nextWords: string): void => {
     setKinds(nextKinds);
     setWords(nextWords);
-    setFrom(null);
+    turnTo(null);
     const count = matching(rows, nextKinds, nextWords, nameOf).length;
     setSaid(t("log.count", { found: count, all: rows.length }));
   };
@@ -87,7 +93,7 @@ export function LogView({ sessionId }: { sessionId: string }) {
           {t(standing === "reading" ? "log.reading" : rows.length === 0 ? "log.empty" : "log.noneFound")}
         </p>
       ) : (
-        <LogPage key={from ?? "newest"} rows={found} from={from} sessionId={sessionId} nameOf={nameOf} />
+        <LogPage key={turns} rows={found} from={from} sessionId={sessionId} nameOf={nameOf} />
       )}
       <div className="log-foot">
         <span className="muted small" data-testid="log-count">
@@ -98,7 +104,7 @@ export function LogView({ sessionId }: { sessionId: string }) {
         <span className="sr-only" role="status" data-testid="log-said">
           {standing === "behind" ? t("log.behind") : said}
         </span>
-        <Pages rows={found} from={from} onPage={setFrom} />
+        <Pages rows={found} from={from} onPage={turnTo} />
       </div>
     </>
   );
@@ -172,7 +178,7 @@ function Pages({
     { name: "oldest", Icon: ChevronFirst, to: 0, off: start === 0 },
     { name: "earlier", Icon: ChevronLeft, to: start - PAGE, off: start === 0 },
     { name: "later", Icon: ChevronRight, to: start + PAGE, off: from === null },
-    { name: "newest", Icon: ChevronLast, to: last, off: from === null },
+    { name: "newest", Icon: ChevronLast, to: last, off: false },
   ] as const;
   return (
     <nav className="log-pages" aria-label={t("log.pages")}>
