@@ -13,6 +13,7 @@ import pytest
 from playwright.async_api import Page, expect
 
 from backend.identity import Role
+from tests.end_to_end import screens
 from tests.end_to_end.conftest import Opener, Up, start
 from tests.end_to_end.test_dashboard import login, ready, until
 from tests.end_to_end.test_papers_session import ask
@@ -29,8 +30,8 @@ SIZES = {
 
 @pytest.fixture(scope="module")
 def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
-    """The three processes, faster than real."""
-    running = start(Robot(tmp_path_factory.mktemp("data")), "--time-scale", "4")
+    """The three processes at the robot's real speed, so that a drive takes longest of all, however slow the machine."""
+    running = start(Robot(tmp_path_factory.mktemp("data")))
     yield running
     assert end(running.process, signal.SIGINT) == 0
 
@@ -38,8 +39,7 @@ def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
 async def begin(page: Page) -> None:
     """A session of its own."""
     await ready(page)
-    await page.get_by_role("button", name="New session").click()
-    await expect(page.get_by_test_id("user-message")).to_have_count(0)
+    await screens.new_session(page)
 
 
 async def archive(up: Up, page: Page) -> list[dict[str, Any]]:

@@ -14,6 +14,7 @@ from PIL import Image, ImageChops
 from playwright.async_api import Page, expect
 
 from backend.identity import Role
+from tests.end_to_end import screens
 from tests.end_to_end.conftest import Opener, Up, start
 from tests.end_to_end.cut import cable_to
 from tests.end_to_end.test_papers_session import ask
@@ -24,8 +25,8 @@ PHONE = {"width": 390, "height": 844}
 
 @pytest.fixture(scope="module")
 def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
-    """The three processes, faster than real, for what needs no stop-watch."""
-    running = start(Robot(tmp_path_factory.mktemp("data")), "--time-scale", "4")
+    """The three processes, faster than real, and slow enough to be stopped in mid-drive on a busy machine."""
+    running = start(Robot(tmp_path_factory.mktemp("data")), "--time-scale", "2")
     yield running
     assert end(running.process, signal.SIGINT) == 0
 
@@ -84,7 +85,7 @@ async def test_a_lost_connection_is_told_and_the_session_comes_back_as_it_was(up
     async with cable_to(up.robot.bridge_port) as cable:
         page = await open_page(f"http://127.0.0.1:{cable.port}/#token={up.robot.token('Sue', Role.SUPERVISOR)}")
         await ready(page)
-        await page.get_by_role("button", name="New session").click()
+        await screens.new_session(page)
         await ask(page, "go to lab 2.3.9 and then say hello")
         driving = page.get_by_test_id("tool-card").filter(has_text="Drive to")
         await expect(driving).to_contain_text("to go")
@@ -104,14 +105,15 @@ async def test_a_lost_connection_is_told_and_the_session_comes_back_as_it_was(up
 async def test_a_reload_shows_the_session_as_it_was(up: Up, open_page: Opener) -> None:
     page = await open_page(login(up, "Sue", Role.SUPERVISOR))
     await ready(page)
-    await page.get_by_role("button", name="New session").click()
+    await screens.new_session(page)
     await ask(page, "take a photo")
     await expect(page.get_by_test_id("agent-message").last).to_contain_text("Here is what I see.")
+    await screens.idle(page)
     before = await page.get_by_test_id("conversation").inner_text()
     await expect(page.get_by_test_id("tool-card").get_by_role("img").first).to_be_visible()
     await page.reload()
     await expect(page.get_by_test_id("agent-message").last).to_contain_text("Here is what I see.")
-    assert await page.get_by_test_id("conversation").inner_text() == before
+    await expect(page.get_by_test_id("conversation")).to_have_text(before, use_inner_text=True)
 
 
 async def test_an_unknown_place_and_a_goal_in_a_wall_are_answered_in_words(up: Up, open_page: Opener) -> None:
@@ -173,7 +175,7 @@ async def test_the_scene_shows_the_map_and_the_robot_moving_on_it(up: Up, open_p
 async def test_a_stray_enter_approves_nothing(up: Up, open_page: Opener) -> None:
     page = await open_page(login(up, "Sue", Role.SUPERVISOR))
     await ready(page)
-    await page.get_by_role("button", name="New session").click()
+    await screens.new_session(page)
     async with up.robot.watched() as watched:
         await ask(page, "say hello")
         await expect(page.get_by_test_id("permission-reject")).to_be_focused()

@@ -12,6 +12,7 @@ from playwright.async_api import Locator, Page, expect
 
 from backend.agent.sessions import PAGE
 from backend.identity import Role
+from tests.end_to_end import screens
 from tests.end_to_end.conftest import Opener, Up, start
 from tests.processes import Client, Robot, end, eventually
 
@@ -21,8 +22,9 @@ RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]
 
 @pytest.fixture(scope="module")
 def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
-    """The three processes at the robot's real speed, so that a drive lasts."""
-    running = start(Robot(tmp_path_factory.mktemp("data")))
+    """A robot that is slow, so that a drive lasts for as long as several pages on a busy machine may take."""
+    slow = {"ROBOT_ACP_ROBOT__LIMITS__MAX_SPEED": "0.3"}
+    running = start(Robot(tmp_path_factory.mktemp("data"), slow))
     yield running
     assert end(running.process, signal.SIGINT) == 0
 
@@ -46,13 +48,6 @@ async def terminal(up: Up) -> AsyncIterator[Callable[[str, Role], Awaitable[Clie
 
 def login(up: Up, name: str, role: Role) -> str:
     return f"{up.base}/#token={up.robot.token(name, role)}"
-
-
-async def in_new_session(page: Page) -> None:
-    """Begin anew, whatever earlier tests left behind."""
-    await page.get_by_test_id("new-session").click()
-    await expect(page.get_by_test_id("user-message")).to_have_count(0)
-    await expect(page.get_by_test_id("composer")).to_be_enabled()
 
 
 async def ask(page: Page, text: str) -> None:
@@ -117,10 +112,10 @@ async def test_a_supervisor_who_waits_takes_over_and_is_next(up: Up, open_page: 
     ben = await open_page(login(up, "Ben", Role.OPERATOR))
     sue = await open_page(login(up, "Sue", Role.SUPERVISOR))
     for page in (ana, ben, sue):
-        await in_new_session(page)
+        await screens.new_session(page)
     async with up.robot.watched() as watched:
         await ask(ana, "go to lab 2.3.9")
-        await watched.until(lambda: watched.speed > 0.3, "the robot to drive")
+        await watched.until(lambda: watched.state.motion, "the robot to drive")
         await expect(ana.get_by_test_id("status-holder")).to_contain_text("held by you")
         await ask(ben, "turn left by 20 degrees")
         await expect(ben.get_by_test_id("robot-awaited")).to_contain_text("Waiting: Ana has Sancho")
@@ -156,10 +151,10 @@ async def test_a_supervisor_takes_over_from_the_menu_and_the_robot_waits(up: Up,
     ana = await open_page(login(up, "Ana", Role.OPERATOR))
     sue = await open_page(login(up, "Sue", Role.SUPERVISOR))
     ben = await open_page(login(up, "Ben", Role.OPERATOR))
-    await in_new_session(ana)
+    await screens.new_session(ana)
     async with up.robot.watched() as watched:
         await ask(ana, "go to lab 2.3.9")
-        await watched.until(lambda: watched.speed > 0.3, "the robot to drive")
+        await watched.until(lambda: watched.state.motion, "the robot to drive")
         await expect(ben.get_by_test_id("status-holder")).to_contain_text("held by Ana")
         await press(ben, ben.get_by_test_id("people"))
         await expect(person(ben, "Ana")).to_contain_text("has Sancho")

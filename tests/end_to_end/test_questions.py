@@ -12,6 +12,7 @@ import pytest
 from playwright.async_api import Page, expect
 
 from backend.identity import Role
+from tests.end_to_end import screens
 from tests.end_to_end.conftest import Opener, Up, start
 from tests.end_to_end.test_dashboard import PHONE, login, ready, until
 from tests.end_to_end.test_papers_session import ask
@@ -57,7 +58,7 @@ async def supervisor(up: Up, open_page: Opener, *, listening: bool = False, **op
     await page.goto(login(up, "Sue", Role.SUPERVISOR))
     await ready(page)
     if "viewport" not in options:
-        await page.get_by_role("button", name="New session").click()
+        await screens.new_session(page)
     return page
 
 
@@ -183,6 +184,7 @@ async def test_what_is_remembered_is_said_before_and_can_be_read_afterwards(up: 
         await expect(page.get_by_test_id("remembered")).to_have_text("Say something aloud: always allowed")
         await page.reload()
         await ready(page)
-    await page.get_by_role("button", name="New session").click()
+    await screens.new_session(page)
     await page.get_by_test_id("question-settings").click()
+    await expect(page.get_by_test_id("setting-sound")).to_be_visible()
     await expect(page.get_by_test_id("remembered")).to_have_count(0)
