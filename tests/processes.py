@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import itertools
 import os
+import random
 import signal
 import socket
 import subprocess
@@ -25,10 +27,17 @@ PATIENCE_S = 30.0
 """After so long a condition that is waited for has failed."""
 
 
+_ports = itertools.cycle(random.sample(range(20_000, 32_000), 12_000))
+"""Below those that a system gives to connections that go out: such a one would take the port of a server that is down
+for a moment, and could even be a connection to itself. None comes twice in a run."""
+
+
 def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+    while True:
+        port = next(_ports)
+        with socket.socket() as probe, contextlib.suppress(OSError):
+            probe.bind(("127.0.0.1", port))
+            return port
 
 
 def wait_until(condition: Callable[[], Any], what: str, seconds: float = PATIENCE_S) -> Any:

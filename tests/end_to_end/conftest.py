@@ -54,9 +54,13 @@ def start(robot: Robot, *arguments: str) -> Up:
     up = Up(robot, process)
     assert process.stdout is not None
     threading.Thread(target=lambda: up.printed.extend(process.stdout or ()), daemon=True).start()
-    wait_until(lambda: up.login_url, "the address of the dashboard")
-    # On a busy machine a ROS robot may take longer than `up` waits before it says what is missing.
-    wait_until(lambda: listens(robot.robot_port), "the robot server")
+    try:
+        wait_until(lambda: up.login_url, "the address of the dashboard")
+        # On a busy machine a ROS robot may take longer than `up` waits before it says what is missing.
+        wait_until(lambda: listens(robot.robot_port), "the robot server")
+    except BaseException:
+        end(process, signal.SIGINT)  # nobody else knows of it yet
+        raise
     return up
 
 
