@@ -42,11 +42,11 @@ def free_port() -> int:
 
 def wait_until(condition: Callable[[], Any], what: str, seconds: float = PATIENCE_S) -> Any:
     deadline = time.monotonic() + seconds
-    while time.monotonic() < deadline:
-        if value := condition():
-            return value
+    while not (value := condition()):  # looked at once more after a stall that was longer than the patience
+        if time.monotonic() > deadline:
+            raise AssertionError(f"waited {seconds:g} s for {what}")
         time.sleep(0.02)
-    raise AssertionError(f"waited {seconds:g} s for {what}")
+    return value
 
 
 def listens(port: int) -> bool:
@@ -172,11 +172,11 @@ class Watched:
 
 async def eventually(condition: Callable[[], Any], what: str, seconds: float = PATIENCE_S) -> Any:
     deadline = time.monotonic() + seconds
-    while time.monotonic() < deadline:
-        if value := condition():
-            return value
+    while not (value := condition()):  # looked at once more after a stall that was longer than the patience
+        if time.monotonic() > deadline:
+            raise AssertionError(f"waited {seconds:g} s for {what}")
         await asyncio.sleep(0.005)
-    raise AssertionError(f"waited {seconds:g} s for {what}")
+    return value
 
 
 def end(process: subprocess.Popen[str], number: int = signal.SIGTERM) -> int:

@@ -28,7 +28,7 @@ SPANISH = {"locale": "es-ES"}
 
 @pytest.fixture(scope="module")
 def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
-    """Three processes at the robot's real speed; a drive lasts and a question waits for as long as they are looked at."""
+    """Three processes at the robot's real speed: a drive and a question last for as long as they are looked at."""
     with Stage(tmp_path_factory.mktemp("data"), ROBOT_ACP_AGENT__PERMISSION_TIMEOUT="600") as running:
         yield running
 
