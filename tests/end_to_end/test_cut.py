@@ -22,7 +22,7 @@ from tests.processes import Client, Robot, end, eventually
 CUT_S = 30.0
 """Really so long, because that is what people were promised: shorter than `agent.unattended_after`, longer than a page
 waits for an answer before it takes its connection for dead, and long enough for its pauses between attempts to grow."""
-WISH = "go to lab 2.3.6, take a photo, say hello, go to lab 2.3.2 and then go to lab 2.3.9"
+WISH = "go to lab 2.3.6, take a photo, say hello and then go to lab 2.3.2 and then go to lab 2.3.9"
 
 
 @pytest.fixture(scope="module")
