@@ -163,7 +163,7 @@ async def test_the_scene_shows_the_map_and_the_robot_moving_on_it(up: Up, open_p
     await until(drawn, "the map to be drawn")
     before = await picture()
     await ask(page, "go to lab 2.3.4")
-    await expect(page.get_by_test_id("agent-message").last).to_contain_text("I am at lab 2.3.4")
+    await expect(page.get_by_test_id("agent-message").last).to_contain_text("I am at lab 2.3.4", timeout=90_000)
 
     async def changed() -> bool:
         difference = ImageChops.difference(before, await picture()).convert("L")
