@@ -203,15 +203,16 @@ class Chat:
 
     async def _obey(self, line: str) -> bool:
         """Do what a line says; false to leave."""
-        if line in ("/quit", "/exit"):
+        command = line.lower()
+        if command in ("/quit", "/exit"):
             return False
         if not line:
             return True
         # A command is never an answer: a stop waits for nothing, and an open question is no reason.
-        if line in ("/stop", "/release"):
-            self._command(f"_robot{line}")
-        elif line in ("/cancel", "/help"):
-            await self._interrupt() if line == "/cancel" else self._show([Line("note", _HELP)])
+        if command in ("/stop", "/release"):
+            self._command(f"_robot{command}")
+        elif command in ("/cancel", "/help"):
+            await self._interrupt() if command == "/cancel" else self._show([Line("note", _HELP)])
         elif self._questions:
             await self._answer(line)
         elif self._turn is not None and not self._turn.done():
@@ -314,7 +315,7 @@ class Chat:
             await self._free.wait()
 
     def _stop_at_once(self, line: str) -> bool:
-        if line.strip() != "/stop":
+        if line.strip().lower() != "/stop":
             return False
         self._command("_robot/stop")
         return True

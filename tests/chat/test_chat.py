@@ -116,7 +116,7 @@ async def test_losing_the_agent_ends_it_though_the_input_stays_open(robot: Robot
 
 
 def test_a_stop_that_is_the_last_line_is_made_and_told(robot: Robot) -> None:
-    assert "Stopped by local." in chat(robot, say="/stop\n").stdout
+    assert "Stopped by local." in chat(robot, say="/Stop\n").stdout
     assert "Released." in chat(robot, say="/release\n").stdout
 
 
