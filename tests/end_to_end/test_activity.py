@@ -111,8 +111,8 @@ async def test_the_timeline_of_the_papers_prompt_is_what_the_agent_measured(
         await expect(page.get_by_test_id(f"phase-{phase}")).to_contain_text(re.compile(r"\d\.\d\d s"))
 
 
-async def test_the_log_is_the_session_and_the_file_is_the_log(up: Up, open_page: Opener, tmp_path: Path) -> None:
-    page = await open_page(login(up, "Sue", Role.SUPERVISOR))
+async def test_the_log_is_the_session_and_the_file_is_the_log(up: Up, open_plain: Opener, tmp_path: Path) -> None:
+    page = await open_plain(login(up, "Sue", Role.SUPERVISOR))
     await begin(page)
     await page.get_by_test_id("log-tab").click()
     await ask(page, "where are you?")
@@ -155,8 +155,8 @@ async def test_the_log_is_the_session_and_the_file_is_the_log(up: Up, open_page:
     assert [json.loads(line) for line in (tmp_path / "log.jsonl").read_text().splitlines()] == events
 
 
-async def test_the_plots_move_with_the_robot(up: Up, open_page: Opener) -> None:
-    page = await open_page(login(up, "Sue", Role.SUPERVISOR))
+async def test_the_plots_move_with_the_robot(up: Up, open_plain: Opener) -> None:
+    page = await open_plain(login(up, "Sue", Role.SUPERVISOR))
     await begin(page)
     plot = page.get_by_test_id("plot-speed")
     await expect(plot).to_contain_text("0.0 m/s")
@@ -175,8 +175,8 @@ async def test_the_plots_move_with_the_robot(up: Up, open_page: Opener) -> None:
     await expect(page.get_by_test_id("agent-message").last).to_contain_text("I am at lab 2.3.9", timeout=90_000)
 
 
-async def test_the_panel_is_folded_by_keyboard_and_stays_as_it_was_left(up: Up, open_page: Opener) -> None:
-    page = await open_page(login(up, "Vic", Role.VIEWER))
+async def test_the_panel_is_folded_by_keyboard_and_stays_as_it_was_left(up: Up, open_plain: Opener) -> None:
+    page = await open_plain(login(up, "Vic", Role.VIEWER))
     await ready(page)
     fold = page.get_by_test_id("activity-fold")
     await expect(page.get_by_test_id("timeline")).to_be_visible()

@@ -56,9 +56,9 @@ async def test_without_a_valid_token_the_page_says_what_to_do(up: Up, open_page:
     assert (await page.request.get(f"{up.base}/scene/")).status == 401
 
 
-async def test_stop_is_one_click_and_holds_until_a_supervisor_releases_it(up: Up, open_page: Opener) -> None:
-    supervisor = await open_page(login(up, "Sue", Role.SUPERVISOR))
-    viewer = await open_page(login(up, "Vic", Role.VIEWER))
+async def test_stop_is_one_click_and_holds_until_a_supervisor_releases_it(up: Up, open_plain: Opener) -> None:
+    supervisor = await open_plain(login(up, "Sue", Role.SUPERVISOR))
+    viewer = await open_plain(login(up, "Vic", Role.VIEWER))
     await ready(supervisor)
     await ready(viewer)
     async with up.robot.watched() as watched:
@@ -81,9 +81,9 @@ async def test_stop_is_one_click_and_holds_until_a_supervisor_releases_it(up: Up
         assert watched.state.pose == standing, "a release must not start any motion again"
 
 
-async def test_a_lost_connection_is_told_and_the_session_comes_back_as_it_was(up: Up, open_page: Opener) -> None:
+async def test_a_lost_connection_is_told_and_the_session_comes_back_as_it_was(up: Up, open_plain: Opener) -> None:
     async with cable_to(up.robot.bridge_port) as cable:
-        page = await open_page(f"http://127.0.0.1:{cable.port}/#token={up.robot.token('Sue', Role.SUPERVISOR)}")
+        page = await open_plain(f"http://127.0.0.1:{cable.port}/#token={up.robot.token('Sue', Role.SUPERVISOR)}")
         await ready(page)
         await screens.new_session(page)
         await ask(page, "go to lab 2.3.9 and then say hello")
@@ -102,8 +102,8 @@ async def test_a_lost_connection_is_told_and_the_session_comes_back_as_it_was(up
         await expect(page.get_by_test_id("tool-card")).to_have_count(3)
 
 
-async def test_a_reload_shows_the_session_as_it_was(up: Up, open_page: Opener) -> None:
-    page = await open_page(login(up, "Sue", Role.SUPERVISOR))
+async def test_a_reload_shows_the_session_as_it_was(up: Up, open_plain: Opener) -> None:
+    page = await open_plain(login(up, "Sue", Role.SUPERVISOR))
     await ready(page)
     await screens.new_session(page)
     await ask(page, "take a photo")
@@ -116,8 +116,8 @@ async def test_a_reload_shows_the_session_as_it_was(up: Up, open_page: Opener) -
     await expect(page.get_by_test_id("conversation")).to_have_text(before, use_inner_text=True)
 
 
-async def test_an_unknown_place_and_a_goal_in_a_wall_are_answered_in_words(up: Up, open_page: Opener) -> None:
-    page = await open_page(login(up, "Sue", Role.SUPERVISOR))
+async def test_an_unknown_place_and_a_goal_in_a_wall_are_answered_in_words(up: Up, open_plain: Opener) -> None:
+    page = await open_plain(login(up, "Sue", Role.SUPERVISOR))
     await ready(page)
     await ask(page, "go to lab 9")
     await expect(page.get_by_test_id("agent-message").last).to_contain_text("No place called lab 9. Known places:")
@@ -190,10 +190,10 @@ async def test_a_stray_enter_approves_nothing(up: Up, open_page: Opener) -> None
         assert watched.spoken == []
 
 
-async def test_a_robot_server_that_is_gone_is_told_and_the_page_recovers(tmp_path: Path, open_page: Opener) -> None:
+async def test_a_robot_server_that_is_gone_is_told_and_the_page_recovers(tmp_path: Path, open_plain: Opener) -> None:
     robot = Robot(tmp_path)
     with robot.running("agent", port=robot.agent_port), robot.running("bridge", port=robot.bridge_port):
-        page = await open_page(f"http://127.0.0.1:{robot.bridge_port}/#token={robot.token('Sue', Role.SUPERVISOR)}")
+        page = await open_plain(f"http://127.0.0.1:{robot.bridge_port}/#token={robot.token('Sue', Role.SUPERVISOR)}")
         await expect(page.get_by_test_id("robot-state")).to_contain_text("not reachable")
         await ask(page, "where are you?")
         await expect(page.get_by_test_id("agent-message").last).to_contain_text("Start it with robot-acp robot")

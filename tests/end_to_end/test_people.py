@@ -78,11 +78,11 @@ def person(page: Page, name: str) -> Locator:
 
 
 async def test_who_is_here_is_told_with_the_role_until_they_leave(
-    up: Up, open_page: Opener, terminal: Callable[[str, Role], Awaitable[Client]]
+    up: Up, open_plain: Opener, terminal: Callable[[str, Role], Awaitable[Client]]
 ) -> None:
-    sue = await open_page(login(up, "Sue", Role.SUPERVISOR))
+    sue = await open_plain(login(up, "Sue", Role.SUPERVISOR))
     await expect(sue.get_by_test_id("people")).to_have_accessible_name("1 person here")
-    vic = await open_page(login(up, "Vic", Role.VIEWER))
+    vic = await open_plain(login(up, "Vic", Role.VIEWER))
     await terminal("Ana", Role.OPERATOR)
     kiosk = await terminal("Kiosk", Role.VISITOR)
     await expect(sue.get_by_test_id("people")).to_have_accessible_name("4 people here")
@@ -107,10 +107,10 @@ async def test_who_is_here_is_told_with_the_role_until_they_leave(
     await expect(sue.get_by_test_id("people")).to_be_focused()
 
 
-async def test_a_supervisor_who_waits_takes_over_and_is_next(up: Up, open_page: Opener) -> None:
-    ana = await open_page(login(up, "Ana", Role.OPERATOR))
-    ben = await open_page(login(up, "Ben", Role.OPERATOR))
-    sue = await open_page(login(up, "Sue", Role.SUPERVISOR))
+async def test_a_supervisor_who_waits_takes_over_and_is_next(up: Up, open_plain: Opener) -> None:
+    ana = await open_plain(login(up, "Ana", Role.OPERATOR))
+    ben = await open_plain(login(up, "Ben", Role.OPERATOR))
+    sue = await open_plain(login(up, "Sue", Role.SUPERVISOR))
     for page in (ana, ben, sue):
         await screens.new_session(page)
     async with up.robot.watched() as watched:
@@ -147,10 +147,10 @@ async def test_a_supervisor_who_waits_takes_over_and_is_next(up: Up, open_page: 
         await expect(ben.get_by_test_id("agent-message").last).to_contain_text("I turned left by 20°.")
 
 
-async def test_a_supervisor_takes_over_from_the_menu_and_the_robot_waits(up: Up, open_page: Opener) -> None:
-    ana = await open_page(login(up, "Ana", Role.OPERATOR))
-    sue = await open_page(login(up, "Sue", Role.SUPERVISOR))
-    ben = await open_page(login(up, "Ben", Role.OPERATOR))
+async def test_a_supervisor_takes_over_from_the_menu_and_the_robot_waits(up: Up, open_plain: Opener) -> None:
+    ana = await open_plain(login(up, "Ana", Role.OPERATOR))
+    sue = await open_plain(login(up, "Sue", Role.SUPERVISOR))
+    ben = await open_plain(login(up, "Ben", Role.OPERATOR))
     await screens.new_session(ana)
     async with up.robot.watched() as watched:
         await ask(ana, "go to lab 2.3.9")
@@ -180,7 +180,7 @@ async def test_a_supervisor_takes_over_from_the_menu_and_the_robot_waits(up: Up,
 
 
 async def test_a_search_reaches_sessions_of_others_beyond_the_first_page(
-    up: Up, open_page: Opener, terminal: Callable[[str, Role], Awaitable[Client]]
+    up: Up, open_plain: Opener, terminal: Callable[[str, Role], Awaitable[Client]]
 ) -> None:
     ana, ben = await terminal("Ana", Role.OPERATOR), await terminal("Ben", Role.OPERATOR)
     await ana.new()
@@ -188,7 +188,7 @@ async def test_a_search_reaches_sessions_of_others_beyond_the_first_page(
     for _ in range(PAGE):
         await ben.new()
         await ben.prompt("/where")
-    sue = await open_page(login(up, "Sue", Role.SUPERVISOR))
+    sue = await open_plain(login(up, "Sue", Role.SUPERVISOR))
     items = sue.get_by_test_id("session-item")
     await expect(items).to_have_count(PAGE)
     await expect(items.filter(has_text="emergency")).to_have_count(0)
@@ -208,19 +208,19 @@ async def test_a_search_reaches_sessions_of_others_beyond_the_first_page(
     await expect(sue.get_by_test_id("session-search")).to_be_focused()
     await expect(items).to_have_count(PAGE)
 
-    visitor = await open_page(login(up, "Guest", Role.VISITOR))
+    visitor = await open_plain(login(up, "Guest", Role.VISITOR))
     await visitor.get_by_test_id("session-search").fill("exit")
     await expect(visitor.get_by_text("No session has “exit”")).to_be_visible()
 
 
 async def test_a_session_in_which_the_robot_works_is_marked_for_everybody(
-    up: Up, open_page: Opener, terminal: Callable[[str, Role], Awaitable[Client]]
+    up: Up, open_plain: Opener, terminal: Callable[[str, Role], Awaitable[Client]]
 ) -> None:
     ana = await terminal("Ana", Role.OPERATOR)
     await ana.new()
     drive = ana.later(ana.prompt("go to lab 2.3.9"))
     await eventually(lambda: "progress" in str(ana.updates), "the drive")
-    sue = await open_page(login(up, "Sue", Role.SUPERVISOR))
+    sue = await open_plain(login(up, "Sue", Role.SUPERVISOR))
     item = sue.get_by_test_id("session-item").filter(has_text="go to lab 2.3.9").first
     await expect(item).to_contain_text("Ana")
     await expect(item).to_contain_text("working")
