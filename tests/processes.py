@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import itertools
 import os
+import random
 import signal
 import socket
 import subprocess
@@ -25,19 +27,26 @@ PATIENCE_S = 30.0
 """After so long a condition that is waited for has failed."""
 
 
+_ports = itertools.cycle(random.sample(range(20_000, 32_000), 12_000))
+"""Below those that a system gives to connections that go out: such a one would take the port of a server that is down
+for a moment, and could even be a connection to itself. None comes twice in a run."""
+
+
 def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+    while True:
+        port = next(_ports)
+        with socket.socket() as probe, contextlib.suppress(OSError):
+            probe.bind(("127.0.0.1", port))
+            return port
 
 
 def wait_until(condition: Callable[[], Any], what: str, seconds: float = PATIENCE_S) -> Any:
     deadline = time.monotonic() + seconds
-    while time.monotonic() < deadline:
-        if value := condition():
-            return value
+    while not (value := condition()):  # looked at once more after a stall that was longer than the patience
+        if time.monotonic() > deadline:
+            raise AssertionError(f"waited {seconds:g} s for {what}")
         time.sleep(0.02)
-    raise AssertionError(f"waited {seconds:g} s for {what}")
+    return value
 
 
 def listens(port: int) -> bool:
@@ -163,11 +172,11 @@ class Watched:
 
 async def eventually(condition: Callable[[], Any], what: str, seconds: float = PATIENCE_S) -> Any:
     deadline = time.monotonic() + seconds
-    while time.monotonic() < deadline:
-        if value := condition():
-            return value
+    while not (value := condition()):  # looked at once more after a stall that was longer than the patience
+        if time.monotonic() > deadline:
+            raise AssertionError(f"waited {seconds:g} s for {what}")
         await asyncio.sleep(0.005)
-    raise AssertionError(f"waited {seconds:g} s for {what}")
+    return value
 
 
 def end(process: subprocess.Popen[str], number: int = signal.SIGTERM) -> int:

@@ -85,6 +85,8 @@ class Chat:
         """Set while a line of input has a meaning: between turns, and while a question is open."""
         self._free.set()
         self._replies: set[asyncio.Task[None]] = set()
+        self._commands: set[asyncio.Task[None]] = set()
+        """A stop and a release that are under way; nobody leaves before they are told."""
         self._redraw: Callable[[], None] = lambda: None
 
     async def connect(self, address: str, token: str | None, session: str | None) -> None:
@@ -133,7 +135,7 @@ class Chat:
         """Disconnect."""
         if self._link is not None:
             await self._link.close()
-        for task in [*self._replies, *([self._turn] if self._turn else [])]:
+        for task in [*self._replies, *self._commands, *([self._turn] if self._turn else [])]:
             task.cancel()
             await asyncio.gather(task, return_exceptions=True)
 
@@ -186,9 +188,11 @@ class Chat:
             asyncio.get_running_loop().add_signal_handler(signal.SIGINT, self._on_sigint, asyncio.current_task())
         async for line in self._terminal() if sys.stdin.isatty() else self._plain_lines():
             if not await self._obey(line.strip()):
-                return
-        if self._turn is not None:
-            await self._turn  # the input has ended; what was asked for is still done
+                break
+        else:
+            if self._turn is not None:
+                await self._turn  # the input has ended; what was asked for is still done
+        await asyncio.gather(*self._commands)
 
     def _on_sigint(self, reading: asyncio.Task[None] | None) -> None:
         """Ctrl-C without a terminal: cancel the turn, or leave when none runs."""
@@ -199,18 +203,20 @@ class Chat:
 
     async def _obey(self, line: str) -> bool:
         """Do what a line says; false to leave."""
-        if line in ("/quit", "/exit"):
+        command = line.lower()
+        if command in ("/quit", "/exit"):
             return False
         if not line:
             return True
-        if self._questions:
+        # A command is never an answer: a stop waits for nothing, and an open question is no reason.
+        if command in ("/stop", "/release"):
+            self._command(f"_robot{command}")
+        elif command in ("/cancel", "/help"):
+            await self._interrupt() if command == "/cancel" else self._show([Line("note", _HELP)])
+        elif self._questions:
             await self._answer(line)
-        elif line in ("/stop", "/release"):
-            self._later(self._command(f"_robot{line}"))
-        elif line in ("/cancel", "/help"):
-            await self._interrupt() if line == "/cancel" else self._show([Line("note", _HELP)])
         elif self._turn is not None and not self._turn.done():
-            self._show([Line("note", "The robot is still busy. Ctrl-C cancels.")])
+            self._show([Line("note", "The robot is still busy. /stop stops it at once, Ctrl-C cancels.")])
         else:
             self._free.clear()
             self._turn = asyncio.create_task(self._prompt(line))
@@ -243,7 +249,12 @@ class Chat:
             self._free.set()
             self._show(self._view.flush())
 
-    async def _command(self, method: str) -> None:
+    def _command(self, method: str) -> None:
+        task = asyncio.create_task(self._have_done(method))
+        self._commands.add(task)
+        task.add_done_callback(self._commands.discard)
+
+    async def _have_done(self, method: str) -> None:
         assert self._link is not None  # noqa: S101
         try:
             answer = await self._link.request(method, {})
@@ -298,7 +309,13 @@ class Chat:
             console.print(Text(_UNSAFE.sub("\ufffd", line.text), style=_STYLES[line.style]))
 
     async def _plain_lines(self) -> AsyncIterator[str]:
-        """Lines of a pipe: each is read when the one before has been done."""
-        async for line in pipe.lines():
+        """Lines of a pipe: each is read when the one before has been done, and a stop as it comes."""
+        async for line in pipe.lines(self._stop_at_once):
             yield line
             await self._free.wait()
+
+    def _stop_at_once(self, line: str) -> bool:
+        if line.strip().lower() != "/stop":
+            return False
+        self._command("_robot/stop")
+        return True

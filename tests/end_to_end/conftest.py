@@ -26,6 +26,8 @@ CHROMIUM_FLAGS = [
     "--disable-component-update",
 ]
 PATIENCE_MS = 30_000
+STARTS_S = 90.0
+"""Four processes load their libraries at once, on a machine that does other things, too."""
 EMPTY_MAP = "<!doctype html><html lang=en><title>map</title>"
 expect.set_options(timeout=PATIENCE_MS)
 
@@ -54,9 +56,13 @@ def start(robot: Robot, *arguments: str) -> Up:
     up = Up(robot, process)
     assert process.stdout is not None
     threading.Thread(target=lambda: up.printed.extend(process.stdout or ()), daemon=True).start()
-    wait_until(lambda: up.login_url, "the address of the dashboard")
-    # On a busy machine a ROS robot may take longer than `up` waits before it says what is missing.
-    wait_until(lambda: listens(robot.robot_port), "the robot server")
+    try:
+        wait_until(lambda: up.login_url, "the address of the dashboard", STARTS_S)
+        # On a busy machine a ROS robot may take longer than `up` waits before it says what is missing.
+        wait_until(lambda: listens(robot.robot_port), "the robot server", STARTS_S)
+    except BaseException:
+        end(process, signal.SIGINT)  # nobody else knows of it yet
+        raise
     return up
 
 

@@ -25,13 +25,18 @@ class Stage:
         self._running: dict[str, subprocess.Popen[str]] = {}
 
     def __enter__(self) -> Stage:
-        for name in ("robot", "agent", "bridge"):
-            self.start(name)
+        try:
+            for name in ("robot", "agent", "bridge"):
+                self.start(name)
+        except BaseException:
+            self.__exit__()
+            raise
         return self
 
     def __exit__(self, *_: object) -> None:
-        for name in list(self._running):
-            self.end(name)
+        with contextlib.ExitStack() as ends:  # one that does not end keeps no other
+            for name in list(self._running):
+                ends.callback(self.end, name)
 
     @property
     def base(self) -> str:

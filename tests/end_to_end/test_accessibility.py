@@ -28,9 +28,8 @@ SPANISH = {"locale": "es-ES"}
 
 @pytest.fixture(scope="module")
 def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
-    """Three processes, faster than real; a question waits for as long as it is looked at."""
-    told = {"ROBOT_ACP_ROBOT__TIME_SCALE": "4", "ROBOT_ACP_AGENT__PERMISSION_TIMEOUT": "600"}
-    with Stage(tmp_path_factory.mktemp("data"), **told) as running:
+    """Three processes at the robot's real speed: a drive and a question last for as long as they are looked at."""
+    with Stage(tmp_path_factory.mktemp("data"), ROBOT_ACP_AGENT__PERMISSION_TIMEOUT="600") as running:
         yield running
 
 

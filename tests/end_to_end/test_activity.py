@@ -13,6 +13,7 @@ import pytest
 from playwright.async_api import Page, expect
 
 from backend.identity import Role
+from tests.end_to_end import screens
 from tests.end_to_end.conftest import Opener, Up, start
 from tests.end_to_end.test_dashboard import login, ready, until
 from tests.end_to_end.test_papers_session import ask
@@ -29,8 +30,8 @@ SIZES = {
 
 @pytest.fixture(scope="module")
 def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
-    """The three processes, faster than real."""
-    running = start(Robot(tmp_path_factory.mktemp("data")), "--time-scale", "4")
+    """The three processes at the robot's real speed, so that a drive takes longest of all, however slow the machine."""
+    running = start(Robot(tmp_path_factory.mktemp("data")))
     yield running
     assert end(running.process, signal.SIGINT) == 0
 
@@ -38,8 +39,7 @@ def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
 async def begin(page: Page) -> None:
     """A session of its own."""
     await ready(page)
-    await page.get_by_role("button", name="New session").click()
-    await expect(page.get_by_test_id("user-message")).to_have_count(0)
+    await screens.new_session(page)
 
 
 async def archive(up: Up, page: Page) -> list[dict[str, Any]]:
@@ -111,8 +111,8 @@ async def test_the_timeline_of_the_papers_prompt_is_what_the_agent_measured(
         await expect(page.get_by_test_id(f"phase-{phase}")).to_contain_text(re.compile(r"\d\.\d\d s"))
 
 
-async def test_the_log_is_the_session_and_the_file_is_the_log(up: Up, open_page: Opener, tmp_path: Path) -> None:
-    page = await open_page(login(up, "Sue", Role.SUPERVISOR))
+async def test_the_log_is_the_session_and_the_file_is_the_log(up: Up, open_plain: Opener, tmp_path: Path) -> None:
+    page = await open_plain(login(up, "Sue", Role.SUPERVISOR))
     await begin(page)
     await page.get_by_test_id("log-tab").click()
     await ask(page, "where are you?")
@@ -155,8 +155,8 @@ async def test_the_log_is_the_session_and_the_file_is_the_log(up: Up, open_page:
     assert [json.loads(line) for line in (tmp_path / "log.jsonl").read_text().splitlines()] == events
 
 
-async def test_the_plots_move_with_the_robot(up: Up, open_page: Opener) -> None:
-    page = await open_page(login(up, "Sue", Role.SUPERVISOR))
+async def test_the_plots_move_with_the_robot(up: Up, open_plain: Opener) -> None:
+    page = await open_plain(login(up, "Sue", Role.SUPERVISOR))
     await begin(page)
     plot = page.get_by_test_id("plot-speed")
     await expect(plot).to_contain_text("0.0 m/s")
@@ -175,8 +175,8 @@ async def test_the_plots_move_with_the_robot(up: Up, open_page: Opener) -> None:
     await expect(page.get_by_test_id("agent-message").last).to_contain_text("I am at lab 2.3.9", timeout=90_000)
 
 
-async def test_the_panel_is_folded_by_keyboard_and_stays_as_it_was_left(up: Up, open_page: Opener) -> None:
-    page = await open_page(login(up, "Vic", Role.VIEWER))
+async def test_the_panel_is_folded_by_keyboard_and_stays_as_it_was_left(up: Up, open_plain: Opener) -> None:
+    page = await open_plain(login(up, "Vic", Role.VIEWER))
     await ready(page)
     fold = page.get_by_test_id("activity-fold")
     await expect(page.get_by_test_id("timeline")).to_be_visible()

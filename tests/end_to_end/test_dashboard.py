@@ -14,6 +14,7 @@ from PIL import Image, ImageChops
 from playwright.async_api import Page, expect
 
 from backend.identity import Role
+from tests.end_to_end import screens
 from tests.end_to_end.conftest import Opener, Up, start
 from tests.end_to_end.cut import cable_to
 from tests.end_to_end.test_papers_session import ask
@@ -24,8 +25,8 @@ PHONE = {"width": 390, "height": 844}
 
 @pytest.fixture(scope="module")
 def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
-    """The three processes, faster than real, for what needs no stop-watch."""
-    running = start(Robot(tmp_path_factory.mktemp("data")), "--time-scale", "4")
+    """The three processes, faster than real, and slow enough to be stopped in mid-drive on a busy machine."""
+    running = start(Robot(tmp_path_factory.mktemp("data")), "--time-scale", "2")
     yield running
     assert end(running.process, signal.SIGINT) == 0
 
@@ -55,9 +56,9 @@ async def test_without_a_valid_token_the_page_says_what_to_do(up: Up, open_page:
     assert (await page.request.get(f"{up.base}/scene/")).status == 401
 
 
-async def test_stop_is_one_click_and_holds_until_a_supervisor_releases_it(up: Up, open_page: Opener) -> None:
-    supervisor = await open_page(login(up, "Sue", Role.SUPERVISOR))
-    viewer = await open_page(login(up, "Vic", Role.VIEWER))
+async def test_stop_is_one_click_and_holds_until_a_supervisor_releases_it(up: Up, open_plain: Opener) -> None:
+    supervisor = await open_plain(login(up, "Sue", Role.SUPERVISOR))
+    viewer = await open_plain(login(up, "Vic", Role.VIEWER))
     await ready(supervisor)
     await ready(viewer)
     async with up.robot.watched() as watched:
@@ -80,11 +81,11 @@ async def test_stop_is_one_click_and_holds_until_a_supervisor_releases_it(up: Up
         assert watched.state.pose == standing, "a release must not start any motion again"
 
 
-async def test_a_lost_connection_is_told_and_the_session_comes_back_as_it_was(up: Up, open_page: Opener) -> None:
+async def test_a_lost_connection_is_told_and_the_session_comes_back_as_it_was(up: Up, open_plain: Opener) -> None:
     async with cable_to(up.robot.bridge_port) as cable:
-        page = await open_page(f"http://127.0.0.1:{cable.port}/#token={up.robot.token('Sue', Role.SUPERVISOR)}")
+        page = await open_plain(f"http://127.0.0.1:{cable.port}/#token={up.robot.token('Sue', Role.SUPERVISOR)}")
         await ready(page)
-        await page.get_by_role("button", name="New session").click()
+        await screens.new_session(page)
         await ask(page, "go to lab 2.3.9 and then say hello")
         driving = page.get_by_test_id("tool-card").filter(has_text="Drive to")
         await expect(driving).to_contain_text("to go")
@@ -101,21 +102,22 @@ async def test_a_lost_connection_is_told_and_the_session_comes_back_as_it_was(up
         await expect(page.get_by_test_id("tool-card")).to_have_count(3)
 
 
-async def test_a_reload_shows_the_session_as_it_was(up: Up, open_page: Opener) -> None:
-    page = await open_page(login(up, "Sue", Role.SUPERVISOR))
+async def test_a_reload_shows_the_session_as_it_was(up: Up, open_plain: Opener) -> None:
+    page = await open_plain(login(up, "Sue", Role.SUPERVISOR))
     await ready(page)
-    await page.get_by_role("button", name="New session").click()
+    await screens.new_session(page)
     await ask(page, "take a photo")
     await expect(page.get_by_test_id("agent-message").last).to_contain_text("Here is what I see.")
+    await screens.idle(page)
     before = await page.get_by_test_id("conversation").inner_text()
     await expect(page.get_by_test_id("tool-card").get_by_role("img").first).to_be_visible()
     await page.reload()
     await expect(page.get_by_test_id("agent-message").last).to_contain_text("Here is what I see.")
-    assert await page.get_by_test_id("conversation").inner_text() == before
+    await expect(page.get_by_test_id("conversation")).to_have_text(before, use_inner_text=True)
 
 
-async def test_an_unknown_place_and_a_goal_in_a_wall_are_answered_in_words(up: Up, open_page: Opener) -> None:
-    page = await open_page(login(up, "Sue", Role.SUPERVISOR))
+async def test_an_unknown_place_and_a_goal_in_a_wall_are_answered_in_words(up: Up, open_plain: Opener) -> None:
+    page = await open_plain(login(up, "Sue", Role.SUPERVISOR))
     await ready(page)
     await ask(page, "go to lab 9")
     await expect(page.get_by_test_id("agent-message").last).to_contain_text("No place called lab 9. Known places:")
@@ -161,7 +163,7 @@ async def test_the_scene_shows_the_map_and_the_robot_moving_on_it(up: Up, open_p
     await until(drawn, "the map to be drawn")
     before = await picture()
     await ask(page, "go to lab 2.3.4")
-    await expect(page.get_by_test_id("agent-message").last).to_contain_text("I am at lab 2.3.4")
+    await expect(page.get_by_test_id("agent-message").last).to_contain_text("I am at lab 2.3.4", timeout=90_000)
 
     async def changed() -> bool:
         difference = ImageChops.difference(before, await picture()).convert("L")
@@ -173,7 +175,7 @@ async def test_the_scene_shows_the_map_and_the_robot_moving_on_it(up: Up, open_p
 async def test_a_stray_enter_approves_nothing(up: Up, open_page: Opener) -> None:
     page = await open_page(login(up, "Sue", Role.SUPERVISOR))
     await ready(page)
-    await page.get_by_role("button", name="New session").click()
+    await screens.new_session(page)
     async with up.robot.watched() as watched:
         await ask(page, "say hello")
         await expect(page.get_by_test_id("permission-reject")).to_be_focused()
@@ -188,10 +190,10 @@ async def test_a_stray_enter_approves_nothing(up: Up, open_page: Opener) -> None
         assert watched.spoken == []
 
 
-async def test_a_robot_server_that_is_gone_is_told_and_the_page_recovers(tmp_path: Path, open_page: Opener) -> None:
+async def test_a_robot_server_that_is_gone_is_told_and_the_page_recovers(tmp_path: Path, open_plain: Opener) -> None:
     robot = Robot(tmp_path)
     with robot.running("agent", port=robot.agent_port), robot.running("bridge", port=robot.bridge_port):
-        page = await open_page(f"http://127.0.0.1:{robot.bridge_port}/#token={robot.token('Sue', Role.SUPERVISOR)}")
+        page = await open_plain(f"http://127.0.0.1:{robot.bridge_port}/#token={robot.token('Sue', Role.SUPERVISOR)}")
         await expect(page.get_by_test_id("robot-state")).to_contain_text("not reachable")
         await ask(page, "where are you?")
         await expect(page.get_by_test_id("agent-message").last).to_contain_text("Start it with robot-acp robot")

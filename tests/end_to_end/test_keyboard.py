@@ -66,6 +66,8 @@ async def test_from_the_login_to_what_the_robot_says(tmp_path: Path, open_plain:
               - button "Don’t"
               - button "Allow"
         """)
+        # In the first moment Allow is dead: Tab would pass it by.
+        await expect(page.get_by_test_id("permission-allow")).to_be_enabled()
         async with stage.robot.watched() as watched:
             await tab_to(page, page.get_by_test_id("permission-allow"))
             assert (await page.evaluate(STOP))["visible"]

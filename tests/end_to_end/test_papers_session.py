@@ -103,10 +103,10 @@ async def test_the_papers_session(up: Up, open_page: Opener, pictures: Path) -> 
         await expect(page.get_by_test_id("permission")).to_be_visible(timeout=90_000)
         assert watched.spoken == []
         lab = await place_of(observer, "lab 2.3.7")
-        assert watched.distance_to(*lab) < 0.3
+        await watched.until(lambda: watched.distance_to(*lab) < 0.3, "the robot to be at the lab")
         await answer(page, "The meeting is at noon.", allow=True)
         await finished(terminal, 1)
-        assert watched.spoken == ["The meeting is at noon."]
+        await watched.until(lambda: watched.spoken == ["The meeting is at noon."], "the sentence")
         await expect(page.get_by_test_id("agent-message").last).to_contain_text("I said: “The meeting is at noon.”")
         first = [update["sessionUpdate"] for _, update in terminal.events]
         assert first[:2] == ["user_message_chunk", "agent_thought_chunk"]
@@ -130,6 +130,7 @@ async def test_the_papers_session(up: Up, open_page: Opener, pictures: Path) -> 
         await answer(page, "It moved to one o'clock.", allow=False)
         await answer(page, "Lunch is at two.", allow=True)
         await finished(terminal, 3)
+        await watched.until(lambda: len(watched.spoken) == 2, "the second sentence")
         assert watched.spoken == ["The meeting is at noon.", "Lunch is at two."]
         assert watched.distance_to(*lab) < 0.3
         await expect(page.get_by_test_id("agent-message").last).to_contain_text(
@@ -139,7 +140,7 @@ async def test_the_papers_session(up: Up, open_page: Opener, pictures: Path) -> 
         # P4: home.
         await ask(page, "Go back to where you started")
         await finished(terminal, 4)
-        assert watched.distance_to(begin.x, begin.y) < 0.3
+        await watched.until(lambda: watched.distance_to(begin.x, begin.y) < 0.3, "the robot to be home")
         assert (halted.x - begin.x) ** 2 + (halted.y - begin.y) ** 2 > 9
         assert watched.spoken == ["The meeting is at noon.", "Lunch is at two."]
     assert terminal.turn_ends() == ["end_turn", "cancelled", "end_turn", "end_turn"]

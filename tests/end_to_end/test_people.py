@@ -12,6 +12,7 @@ from playwright.async_api import Locator, Page, expect
 
 from backend.agent.sessions import PAGE
 from backend.identity import Role
+from tests.end_to_end import screens
 from tests.end_to_end.conftest import Opener, Up, start
 from tests.processes import Client, Robot, end, eventually
 
@@ -21,8 +22,9 @@ RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]
 
 @pytest.fixture(scope="module")
 def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
-    """The three processes at the robot's real speed, so that a drive lasts."""
-    running = start(Robot(tmp_path_factory.mktemp("data")))
+    """A robot that is slow, so that a drive lasts for as long as several pages on a busy machine may take."""
+    slow = {"ROBOT_ACP_ROBOT__LIMITS__MAX_SPEED": "0.3"}
+    running = start(Robot(tmp_path_factory.mktemp("data"), slow))
     yield running
     assert end(running.process, signal.SIGINT) == 0
 
@@ -46,13 +48,6 @@ async def terminal(up: Up) -> AsyncIterator[Callable[[str, Role], Awaitable[Clie
 
 def login(up: Up, name: str, role: Role) -> str:
     return f"{up.base}/#token={up.robot.token(name, role)}"
-
-
-async def in_new_session(page: Page) -> None:
-    """Begin anew, whatever earlier tests left behind."""
-    await page.get_by_test_id("new-session").click()
-    await expect(page.get_by_test_id("user-message")).to_have_count(0)
-    await expect(page.get_by_test_id("composer")).to_be_enabled()
 
 
 async def ask(page: Page, text: str) -> None:
@@ -83,11 +78,11 @@ def person(page: Page, name: str) -> Locator:
 
 
 async def test_who_is_here_is_told_with_the_role_until_they_leave(
-    up: Up, open_page: Opener, terminal: Callable[[str, Role], Awaitable[Client]]
+    up: Up, open_plain: Opener, terminal: Callable[[str, Role], Awaitable[Client]]
 ) -> None:
-    sue = await open_page(login(up, "Sue", Role.SUPERVISOR))
+    sue = await open_plain(login(up, "Sue", Role.SUPERVISOR))
     await expect(sue.get_by_test_id("people")).to_have_accessible_name("1 person here")
-    vic = await open_page(login(up, "Vic", Role.VIEWER))
+    vic = await open_plain(login(up, "Vic", Role.VIEWER))
     await terminal("Ana", Role.OPERATOR)
     kiosk = await terminal("Kiosk", Role.VISITOR)
     await expect(sue.get_by_test_id("people")).to_have_accessible_name("4 people here")
@@ -112,15 +107,15 @@ async def test_who_is_here_is_told_with_the_role_until_they_leave(
     await expect(sue.get_by_test_id("people")).to_be_focused()
 
 
-async def test_a_supervisor_who_waits_takes_over_and_is_next(up: Up, open_page: Opener) -> None:
-    ana = await open_page(login(up, "Ana", Role.OPERATOR))
-    ben = await open_page(login(up, "Ben", Role.OPERATOR))
-    sue = await open_page(login(up, "Sue", Role.SUPERVISOR))
+async def test_a_supervisor_who_waits_takes_over_and_is_next(up: Up, open_plain: Opener) -> None:
+    ana = await open_plain(login(up, "Ana", Role.OPERATOR))
+    ben = await open_plain(login(up, "Ben", Role.OPERATOR))
+    sue = await open_plain(login(up, "Sue", Role.SUPERVISOR))
     for page in (ana, ben, sue):
-        await in_new_session(page)
+        await screens.new_session(page)
     async with up.robot.watched() as watched:
         await ask(ana, "go to lab 2.3.9")
-        await watched.until(lambda: watched.speed > 0.3, "the robot to drive")
+        await watched.until(lambda: watched.state.motion, "the robot to drive")
         await expect(ana.get_by_test_id("status-holder")).to_contain_text("held by you")
         await ask(ben, "turn left by 20 degrees")
         await expect(ben.get_by_test_id("robot-awaited")).to_contain_text("Waiting: Ana has Sancho")
@@ -152,14 +147,14 @@ async def test_a_supervisor_who_waits_takes_over_and_is_next(up: Up, open_page: 
         await expect(ben.get_by_test_id("agent-message").last).to_contain_text("I turned left by 20°.")
 
 
-async def test_a_supervisor_takes_over_from_the_menu_and_the_robot_waits(up: Up, open_page: Opener) -> None:
-    ana = await open_page(login(up, "Ana", Role.OPERATOR))
-    sue = await open_page(login(up, "Sue", Role.SUPERVISOR))
-    ben = await open_page(login(up, "Ben", Role.OPERATOR))
-    await in_new_session(ana)
+async def test_a_supervisor_takes_over_from_the_menu_and_the_robot_waits(up: Up, open_plain: Opener) -> None:
+    ana = await open_plain(login(up, "Ana", Role.OPERATOR))
+    sue = await open_plain(login(up, "Sue", Role.SUPERVISOR))
+    ben = await open_plain(login(up, "Ben", Role.OPERATOR))
+    await screens.new_session(ana)
     async with up.robot.watched() as watched:
         await ask(ana, "go to lab 2.3.9")
-        await watched.until(lambda: watched.speed > 0.3, "the robot to drive")
+        await watched.until(lambda: watched.state.motion, "the robot to drive")
         await expect(ben.get_by_test_id("status-holder")).to_contain_text("held by Ana")
         await press(ben, ben.get_by_test_id("people"))
         await expect(person(ben, "Ana")).to_contain_text("has Sancho")
@@ -185,7 +180,7 @@ async def test_a_supervisor_takes_over_from_the_menu_and_the_robot_waits(up: Up,
 
 
 async def test_a_search_reaches_sessions_of_others_beyond_the_first_page(
-    up: Up, open_page: Opener, terminal: Callable[[str, Role], Awaitable[Client]]
+    up: Up, open_plain: Opener, terminal: Callable[[str, Role], Awaitable[Client]]
 ) -> None:
     ana, ben = await terminal("Ana", Role.OPERATOR), await terminal("Ben", Role.OPERATOR)
     await ana.new()
@@ -193,7 +188,7 @@ async def test_a_search_reaches_sessions_of_others_beyond_the_first_page(
     for _ in range(PAGE):
         await ben.new()
         await ben.prompt("/where")
-    sue = await open_page(login(up, "Sue", Role.SUPERVISOR))
+    sue = await open_plain(login(up, "Sue", Role.SUPERVISOR))
     items = sue.get_by_test_id("session-item")
     await expect(items).to_have_count(PAGE)
     await expect(items.filter(has_text="emergency")).to_have_count(0)
@@ -213,19 +208,19 @@ async def test_a_search_reaches_sessions_of_others_beyond_the_first_page(
     await expect(sue.get_by_test_id("session-search")).to_be_focused()
     await expect(items).to_have_count(PAGE)
 
-    visitor = await open_page(login(up, "Guest", Role.VISITOR))
+    visitor = await open_plain(login(up, "Guest", Role.VISITOR))
     await visitor.get_by_test_id("session-search").fill("exit")
     await expect(visitor.get_by_text("No session has “exit”")).to_be_visible()
 
 
 async def test_a_session_in_which_the_robot_works_is_marked_for_everybody(
-    up: Up, open_page: Opener, terminal: Callable[[str, Role], Awaitable[Client]]
+    up: Up, open_plain: Opener, terminal: Callable[[str, Role], Awaitable[Client]]
 ) -> None:
     ana = await terminal("Ana", Role.OPERATOR)
     await ana.new()
     drive = ana.later(ana.prompt("go to lab 2.3.9"))
     await eventually(lambda: "progress" in str(ana.updates), "the drive")
-    sue = await open_page(login(up, "Sue", Role.SUPERVISOR))
+    sue = await open_plain(login(up, "Sue", Role.SUPERVISOR))
     item = sue.get_by_test_id("session-item").filter(has_text="go to lab 2.3.9").first
     await expect(item).to_contain_text("Ana")
     await expect(item).to_contain_text("working")

@@ -12,6 +12,7 @@ import pytest
 from playwright.async_api import Page, expect
 
 from backend.identity import Role
+from tests.end_to_end import screens
 from tests.end_to_end.conftest import Opener, Up, start
 from tests.end_to_end.test_dashboard import PHONE, login, ready, until
 from tests.end_to_end.test_papers_session import ask
@@ -57,7 +58,7 @@ async def supervisor(up: Up, open_page: Opener, *, listening: bool = False, **op
     await page.goto(login(up, "Sue", Role.SUPERVISOR))
     await ready(page)
     if "viewport" not in options:
-        await page.get_by_role("button", name="New session").click()
+        await screens.new_session(page)
     return page
 
 
@@ -83,8 +84,8 @@ async def test_a_robot_that_stopped_by_itself_is_told_until_somebody_has_read_it
     await expect(phone.get_by_test_id("halted-band")).to_have_count(0)
 
 
-async def test_a_battery_that_is_low_is_told_away_from_the_dock(up: Up, open_page: Opener) -> None:
-    page = await supervisor(up, open_page)
+async def test_a_battery_that_is_low_is_told_away_from_the_dock(up: Up, open_plain: Opener) -> None:
+    page = await supervisor(up, open_plain)
     staff = await Client.open(f"tcp://127.0.0.1:{up.robot.agent_port}")
     await staff.new()
     await staff.prompt("go to the reception")  # at its dock it charges
@@ -117,8 +118,8 @@ async def test_the_way_is_shown_before_it_is_driven_and_gone_after_a_no(
         assert all(state.motion is None for _, state in watched.states)
 
 
-async def test_nobody_is_asked_for_a_drive_into_a_wall(up: Up, open_page: Opener) -> None:
-    page = await supervisor(up, open_page)
+async def test_nobody_is_asked_for_a_drive_into_a_wall(up: Up, open_plain: Opener) -> None:
+    page = await supervisor(up, open_plain)
     await ask(page, "go to (0.05, 0.05)")
     await expect(page.get_by_test_id("agent-message").last).to_contain_text("inside a wall")
     card = page.get_by_test_id("tool-card").filter(has_text="Drive to (0.05, 0.05)")
@@ -127,9 +128,9 @@ async def test_nobody_is_asked_for_a_drive_into_a_wall(up: Up, open_page: Opener
 
 
 async def test_a_question_calls_with_a_sound_and_a_notification_when_the_page_is_not_in_front(
-    up: Up, open_page: Opener
+    up: Up, open_plain: Opener
 ) -> None:
-    page = await supervisor(up, open_page, listening=True)
+    page = await supervisor(up, open_plain, listening=True)
     await ask(page, "say hello")
     await expect(page.get_by_test_id("permission")).to_be_visible()
     await heard(page, "tones === 2")
@@ -170,8 +171,8 @@ async def test_a_question_is_answered_with_the_keyboard_alone(up: Up, open_page:
         await watched.until(lambda: watched.spoken == ["Hello."], "the greeting")
 
 
-async def test_what_is_remembered_is_said_before_and_can_be_read_afterwards(up: Up, open_page: Opener) -> None:
-    page = await supervisor(up, open_page)
+async def test_what_is_remembered_is_said_before_and_can_be_read_afterwards(up: Up, open_plain: Opener) -> None:
+    page = await supervisor(up, open_plain)
     await ask(page, "say hello")
     await expect(page.get_by_test_id("permission-rule")).to_have_text("This answer counts once.")
     await page.get_by_test_id("permission-every").click()
@@ -183,6 +184,7 @@ async def test_what_is_remembered_is_said_before_and_can_be_read_afterwards(up: 
         await expect(page.get_by_test_id("remembered")).to_have_text("Say something aloud: always allowed")
         await page.reload()
         await ready(page)
-    await page.get_by_role("button", name="New session").click()
+    await screens.new_session(page)
     await page.get_by_test_id("question-settings").click()
+    await expect(page.get_by_test_id("setting-sound")).to_be_visible()
     await expect(page.get_by_test_id("remembered")).to_have_count(0)

@@ -34,8 +34,8 @@ FRAMES = "() => new Promise(drawn => requestAnimationFrame(() => requestAnimatio
 
 @pytest.fixture(scope="module")
 def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
-    """The three processes, at twice the robot's real speed."""
-    running = start(Robot(tmp_path_factory.mktemp("data")), "--time-scale", "2")
+    """The three processes at the robot's real speed, so that a drive lasts while a page draws slowly."""
+    running = start(Robot(tmp_path_factory.mktemp("data")))
     yield running
     assert end(running.process, signal.SIGINT) == 0
 

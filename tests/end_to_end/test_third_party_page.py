@@ -21,7 +21,7 @@ async def test_the_typescript_sdk_in_chromium_runs_the_papers_session(tmp_path: 
     folder.mkdir()
     with page_of_another_site(folder) as origin:
         robot = Robot(tmp_path / "data", {"ROBOT_ACP_BRIDGE__ALLOWED_ORIGINS": f'["{origin}"]'})
-        up = start(robot, "--time-scale", "20")
+        up = start(robot, "--time-scale", "4")
         try:
             wait_until(lambda: listens(robot.robot_port) and listens(robot.agent_port), "robot and agent")
             page = await open_page(origin)

@@ -115,9 +115,9 @@ async def run(up: Up, typescript: TypeScriptInNode, dashboard: Dashboard, termin
         assert watched.spoken == []
         await page.get_by_test_id("permission-allow").click()
         assert await turn == "end_turn"
-        assert watched.spoken == ["Lunch is at two."]
+        await watched.until(lambda: watched.spoken == ["Lunch is at two."], "the robot to speak")
         lab = place_in(typescript, "lab 2.3.7")
-        assert watched.distance_to(*lab) < 0.3
+        await watched.until(lambda: watched.distance_to(*lab) < 0.3, "the robot to be at the lab")
         await eventually(lambda: typescript.withdrawn == [0], "the question to be taken back from the SDK")
         await eventually(lambda: withdrawn(terminal), "the question to be taken back from the terminal")
         assert not withdrawn(dashboard)
