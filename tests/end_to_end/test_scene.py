@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 from PIL import Image, ImageChops
+from playwright.async_api import Error as PlaywrightError
 from playwright.async_api import Locator, Page, expect
 
 from backend.identity import Role
@@ -289,7 +290,10 @@ async def test_after_a_restart_of_the_bridge_the_map_comes_back_with_the_view_th
             await expect(view(page, "top")).to_have_attribute("aria-pressed", "true")
 
             async def as_before() -> bool:
-                now = await picture(canvas)  # labels and the laser may be drawn a little later
+                try:
+                    now = await picture(canvas)  # labels and the laser may be drawn a little later
+                except PlaywrightError:
+                    return False  # the map is just being loaded anew
                 return changed(before, now) < changed(oblique, now) / 2
 
             await until(as_before, "the map from above, as before")
