@@ -121,8 +121,8 @@ class Ros2Robot:
             f"odometry ({s.odom})": senses.odometry is not None,
             f"the battery ({s.battery})": senses.battery is not None or not s.battery,
             f"the laser and its transform ({s.scan})": bool(senses.scan().ranges) or not s.scan,
-            f"the action {s.navigate}": self._navigate.server_is_ready(),
-            f"the action {s.spin}": self._spin.server_is_ready(),
+            f"the action {s.navigate}": self._navigate.server_is_ready() and self._brake.reaches(s.navigate),
+            f"the action {s.spin}": self._spin.server_is_ready() and self._brake.reaches(s.spin),
         }
         return [name for name, is_there in present.items() if not is_there]
 
