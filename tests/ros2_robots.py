@@ -50,6 +50,13 @@ def _is_free(port: int) -> bool:
 PATIENT = {"answer_timeout": PATIENCE_S, "camera_timeout": PATIENCE_S}
 """Settings under `robot.ros2` for tests in which every node answers some time, however busy the machine is."""
 
+VARIABLES = {
+    "ROBOT_ACP_ROBOT__ROS2__ANSWER_TIMEOUT": f"{PATIENCE_S}",
+    "ROBOT_ACP_ROBOT__LIMITS__POSE_TIMEOUT": "10",
+    "ROBOT_ACP_ROBOT__LIMITS__CLIENT_SILENCE": "30",
+}
+"""Likewise for commands; and limits that a machine that stands for some seconds does not reach."""
+
 
 @contextlib.contextmanager
 def patience(data_dir: Path) -> Iterator[None]:
