@@ -81,9 +81,9 @@ async def test_a_listener_that_is_only_about_to_listen_is_waited_for(real_time: 
     from std_msgs.msg import String
 
     async with real_time.served(speech="late") as robot, robot.mcp() as client, node(real_time.domain) as link:
-        speaking = asyncio.create_task(call(client, "speak", text="Yes"))
-        async with robot.telemetry("state") as reader:
-            await reader.state(lambda state: state.speaking == "Yes")
+        async with robot.telemetry("speech") as reader:
+            speaking = asyncio.create_task(call(client, "speak", text="Yes"))
+            await reader.until(lambda message: message.text == "Yes")
         link.node.create_subscription(String, "late", lambda _: None, 10)
         link.open()
         assert (await speaking)["text"] == "Yes"
