@@ -66,13 +66,15 @@ async def test_through_asyncio_the_virtual_clock_gives_the_same_states_too(offic
     assert await session() == await session()
 
 
-async def test_the_virtual_clock_does_not_wait_for_the_wall(office: World) -> None:
+async def test_the_virtual_clock_does_not_wait_for_the_wall(office: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    def wait(*_: object, **__: object) -> None:
+        raise AssertionError("it waits")
+
     robot = virtual(office)
-    began = time.process_time()
+    monkeypatch.setattr(asyncio.get_running_loop(), "call_at", wait)
     async with robot.running():
         await robot.drive(await robot.plan(Pose(21.0, 4.0, 0.0), final_yaw=True))
     assert robot.simulation.elapsed > 30.0
-    assert time.process_time() - began < robot.simulation.elapsed / 3
 
 
 async def test_the_pilot_works_on_the_virtual_clock(office: World, tmp_path: Path) -> None:
