@@ -127,6 +127,23 @@ async def test_no_motion_begins_before_a_cancel_that_was_asked_for_is_sent(real_
         assert brake._cancelled_at > 0
 
 
+async def test_a_server_that_is_seen_is_reached_only_when_it_has_answered(real_time: Setting) -> None:
+    from backend.config import Ros2
+    from backend.mcp_robot.ros2.brake import Brake
+
+    async with node(real_time.domain) as server, node(real_time.domain) as link:
+        Stubborn(server)
+        server.open()
+        brake = Brake(link, Ros2(spin="stubborn", navigate="absent", stops=[]), time.time, lambda: True)
+        link.open()
+        with busy(server):
+            brake.halt()
+            await eventually(lambda: any(each.waiting for each in brake._cancels), "a cancel to be under way")
+            assert not brake.reaches("stubborn")
+        await eventually(lambda: brake.reaches("stubborn"), "the answer")
+        assert not brake.reaches("absent")
+
+
 async def test_a_cancel_that_nobody_answers_is_asked_again_and_holds_up_no_motion(real_time: Setting) -> None:
     from backend.config import Ros2
     from backend.mcp_robot.ros2.brake import Brake

@@ -81,8 +81,11 @@ class Brake:
             self._until = 0.0
 
     def reaches(self, action: str) -> bool:
-        """Whether it can cancel the goals of this action: the server and it have found each other."""
-        return any(each.ready for each in self._cancels if each.action == action)
+        """Whether the server of this action has answered a cancel: it hears this node, and its answers arrive.
+
+        To see it is not enough: what a server answers before it has found who asked is lost.
+        """
+        return any(each.answered for each in self._cancels if each.action == action)
 
     async def let_go(self) -> None:
         """Brake no more for a halt that is over, once all cancels are answered: the next motion may begin.
@@ -141,19 +144,15 @@ class Brake:
 
 
 class _Canceller:
-    """Cancels the goals of one action. On the ROS thread, but for `ready` and `waiting`."""
+    """Cancels the goals of one action. On the ROS thread, but for `answered` and `waiting`."""
 
     def __init__(self, node: Any, action: str) -> None:
         self.action = action
         self._open: Any = None  # the cancel that was not answered yet: one at most
         self._asked = 0.0  # monotonic time of that one
         self._one = False  # the next cancel is for one goal
+        self.answered = False  # once at least
         self._client = node.create_client(CancelGoal, f"{action}/_action/cancel_goal")
-
-    @property
-    def ready(self) -> bool:
-        """The server is there, and has found this client."""
-        return bool(self._client.service_is_ready())
 
     @property
     def waiting(self) -> bool:
@@ -167,7 +166,7 @@ class _Canceller:
         if self._open is not None:
             self._client.remove_pending_request(self._open)
             self._open = None
-        if not self.ready:
+        if not self._client.service_is_ready():
             for goal in unfinished:
                 if goal.id is None and not goal.server_is_there():
                     goal.forget()  # it was never accepted, and whoever could do so is gone
@@ -182,6 +181,7 @@ class _Canceller:
         answer = self._open = self._client.call_async(request)
 
         def answered(_: Any) -> None:
+            self.answered = True
             if self._open is answer:
                 self._open = None
             if named and answer.exception() is None and answer.result().return_code == UNKNOWN_GOAL:
