@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.end_to_end.conftest import start
-from tests.processes import PATIENCE_S, Client, Robot, end
+from tests.processes import PATIENCE_S, Client, Robot, end, eventually, listens
 from tests.ros2_robots import VARIABLES, StandIns, free_domain
 
 
@@ -22,8 +22,9 @@ def doctor(robot: Robot, *arguments: str) -> tuple[int, str]:
 
 async def test_up_on_the_stand_in_serves_the_papers_first_prompt_over_tcp(tmp_path: Path, stand_ins: StandIns) -> None:
     stand_ins.share(tmp_path)
-    up = start(Robot(tmp_path, VARIABLES), "--robot", "ros2", "--ros2-demo", "--time-scale", "4")
+    up = start(Robot(tmp_path, dict(VARIABLES)), "--robot", "ros2", "--ros2-demo", "--time-scale", "4")
     try:
+        await eventually(lambda: listens(up.robot.agent_port), "the agent: the dashboard may be there before")
         async with asyncio.timeout(90):
             client = await Client.open(f"tcp://127.0.0.1:{up.robot.agent_port}")
             await client.new()
