@@ -50,7 +50,7 @@ async def test_a_robot_of_an_older_distribution_is_driven_and_its_failure_told(
         | {
             "ROBOT_ACP_ROBOT__ROS2__DISTRO": distro,
             "ROBOT_ACP_ROBOT__ROS2__DOMAIN_ID": str(free_domain()),
-            "ROBOT_ACP_ROBOT__TIME_SCALE": "4",
+            "ROBOT_ACP_ROBOT__TIME_SCALE": "1",
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         },
     )
