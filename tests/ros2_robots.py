@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.processes import Robot, end
+from tests.processes import PATIENCE_S, Robot, end
 
 UNFIT = None if importlib.util.find_spec("rclpy") else "rclpy cannot be imported: install the extra ros2"
 needs_ros2 = pytest.mark.skipif(UNFIT is not None, reason=UNFIT or "")
@@ -45,6 +45,31 @@ def _is_free(port: int) -> bool:
         except OSError:
             return False
     return True
+
+
+PATIENT = {"answer_timeout": PATIENCE_S, "camera_timeout": PATIENCE_S}
+"""Settings under `robot.ros2` for tests in which every node answers some time, however busy the machine is."""
+
+VARIABLES = {
+    "ROBOT_ACP_ROBOT__ROS2__ANSWER_TIMEOUT": f"{PATIENCE_S}",
+    "ROBOT_ACP_ROBOT__LIMITS__POSE_TIMEOUT": "10",
+    "ROBOT_ACP_ROBOT__LIMITS__CLIENT_SILENCE": "30",
+}
+"""Likewise for commands; and limits that a machine that stands for some seconds does not reach."""
+
+
+@contextlib.contextmanager
+def patience(data_dir: Path) -> Iterator[None]:
+    """While inside, robot servers of this process wait for what is slow, as long as a test waits for anything."""
+    from backend.mcp_robot.ros2 import interfaces
+
+    interfaces.provide(data_dir, "kilted")
+    from backend.mcp_robot.ros2 import brake, ros2_robot
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ros2_robot, "START_LIMIT", 0.8 * PATIENCE_S)
+        patch.setattr(brake, "PATIENCE", PATIENCE_S)
+        yield
 
 
 def share_interfaces(data_dir: Path, cache: pytest.Cache) -> None:

@@ -8,14 +8,15 @@ that is stopped, the kernel goes on to acknowledge. So the client's program itse
   often as the tools' `_meta` SIGN asks; each call that carries the name is a sign of life;
 - one that does neither gives no sign, and may move the robot for a limited time only.
 
+Silence counts only while this process runs: while a busy computer let it stand, it could not have heard anybody.
+
 Here nothing halts: silence is an exception in the task of the tool call, whose motion ends with it.
 """
 
 from __future__ import annotations
 
 import asyncio
-import contextlib
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Callable, Coroutine, Mapping
 from typing import Any
 
 from mcp.server.mcpserver import Context
@@ -33,34 +34,53 @@ SIGN = "robot-acp/sign-of-life"
 MAX_NAME = 200
 SHARE = 0.25
 """Part of the time allowed that passes before the next question; the rest is for the answer."""
+LOOKS = 10
+"""Looks at the clock within a limit. However late one comes, no more than two of these parts count for it."""
+
+
+class Silence:
+    """How long somebody has not been heard, until that is `limit` s."""
+
+    def __init__(self, limit: float) -> None:
+        self._limit = limit
+        self._part = limit / LOOKS
+        self._seconds = 0.0  # grows while `end` runs
+
+    def broken(self) -> None:
+        """Somebody was heard: it begins anew."""
+        self._seconds = -self._part  # the part that runs now may be over soon
+
+    async def end(self) -> None:
+        """Return once it has lasted for its limit, of the time in which this process ran."""
+        loop = asyncio.get_running_loop()
+        while self._seconds < self._limit:
+            before = loop.time()
+            await asyncio.sleep(self._part)
+            self._seconds += min(loop.time() - before, 2 * self._part)
 
 
 class Callers:
     """Clients that named themselves, while something of theirs goes on."""
 
     def __init__(self) -> None:
-        self._ends: dict[
-            str, set[tuple[asyncio.Timeout, float]]
-        ] = {}  # when the patience with each ends, and its limit
+        self._silences: dict[str, set[Silence]] = {}  # of each, one for every call of theirs
 
     def hear(self, name: str) -> None:
         """A call with this name came in. Only those that are listened for matter."""
-        for end, limit in self._ends.get(name, ()):
-            if not end.expired():
-                end.reschedule(asyncio.get_running_loop().time() + limit)
+        for silence in self._silences.get(name, ()):
+            silence.broken()
 
     async def listen(self, name: str, limit: float) -> None:
         """Return when nothing has come from `name` for `limit` seconds."""
-        with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(limit) as end:
-                ends = self._ends.setdefault(name, set())
-                ends.add((end, limit))
-                try:
-                    await asyncio.Event().wait()
-                finally:
-                    ends.discard((end, limit))
-                    if not ends:
-                        self._ends.pop(name, None)
+        silence = Silence(limit)
+        silences = self._silences.setdefault(name, set())
+        silences.add(silence)
+        try:
+            await silence.end()
+        finally:
+            silences.discard(silence)
+            if not silences:
+                self._silences.pop(name, None)
 
 
 def caller(meta: Mapping[str, Any] | None) -> str | None:
@@ -96,14 +116,22 @@ async def watch(context: Context[Any, Any], callers: Callers, limits: Limits) ->
     raise Refusal("silent", f"The client has been silent for {limits.client_silence:g} s, and the robot has halted.")
 
 
-async def _until_unanswered(ask: Callable[[], Awaitable[object]], limit: float) -> None:
+async def _until_unanswered(ask: Callable[[], Coroutine[Any, Any, None]], limit: float) -> None:
     """Ask again and again; return when there was no answer within `limit` seconds of the last one."""
     while True:
+        answer = asyncio.create_task(ask())
+        silence = asyncio.create_task(Silence((1 - SHARE) * limit).end())
         try:
-            async with asyncio.timeout((1 - SHARE) * limit):
-                await ask()
+            await asyncio.wait({answer, silence}, return_when=asyncio.FIRST_COMPLETED)
+            if not answer.done():
+                return
+            answer.result()
         except TimeoutError:
             return
+        finally:
+            for task in (answer, silence):
+                task.cancel()
+            await asyncio.gather(answer, silence, return_exceptions=True)
         await asyncio.sleep(SHARE * limit)
 
 

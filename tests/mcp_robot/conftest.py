@@ -20,9 +20,11 @@ from backend import config, identity, telemetry
 from backend.mcp_robot import server
 from backend.mcp_robot.simulator import world as worlds
 from backend.mcp_robot.simulator.world import World
-from tests.ros2_robots import StandIns, needs_ros2
+from tests.ros2_robots import PATIENT, StandIns, needs_ros2, patience
 
 TIME_LIMIT = 30.0
+UNHURRIED = {"pose_timeout": 10.0, "client_silence": 30.0}
+"""Limits that a machine that stands for some seconds does not reach; what they do is for the tests that set them."""
 DOCK = telemetry.Pose(0.9, 3.1, 0.0)
 
 
@@ -46,11 +48,14 @@ class Served:
 
     @contextlib.asynccontextmanager
     async def mcp(self, mode: str = "auto") -> AsyncIterator[Client]:
-        async with (
-            create_mcp_http_client(headers=self.headers) as http,
-            Client(streamable_http_client(f"{self.url}/mcp", http_client=http), mode=mode) as client,
-        ):
-            yield client
+        try:
+            async with (
+                create_mcp_http_client(headers=self.headers) as http,
+                Client(streamable_http_client(f"{self.url}/mcp", http_client=http), mode=mode) as client,
+            ):
+                yield client
+        except BaseExceptionGroup as group:
+            raise the_one(group) from None
 
     @contextlib.asynccontextmanager
     async def telemetry(self, *channels: telemetry.Channel, rate: float = 20.0) -> AsyncIterator[Reader]:
@@ -61,6 +66,13 @@ class Served:
             assert isinstance(await reader.next(), telemetry.Hello)
             await reader.subscribe(*channels, rate=rate)
             yield reader
+
+
+def the_one(failure: BaseException) -> BaseException:
+    """What went wrong in a test's body, out of the groups that a client's task groups put it in."""
+    while isinstance(failure, BaseExceptionGroup) and len(failure.exceptions) == 1:
+        failure = failure.exceptions[0]
+    return failure
 
 
 class Reader:
@@ -127,15 +139,15 @@ def kind(request: pytest.FixtureRequest) -> Iterator[str]:
 @contextlib.asynccontextmanager
 async def serving(data_dir: Path, **robot: Any) -> AsyncIterator[Served]:
     """Serve a robot while inside, of the kind that the test is about."""
+    robot["limits"] = UNHURRIED | robot.get("limits", {})
     if _stand_ins is None:
         async with served(data_dir, **robot) as answering:
             yield answering
         return
     _stand_ins.share(data_dir)
-    with _stand_ins.one("--time-scale", str(robot.get("time_scale", 20.0))) as stand_in:
-        async with served(
-            data_dir, kind="ros2", ros2={"demo": True, "domain_id": stand_in.domain}, **robot
-        ) as answering:
+    with _stand_ins.one("--time-scale", str(robot.get("time_scale", 20.0))) as stand_in, patience(data_dir):
+        ros2 = PATIENT | {"demo": True, "domain_id": stand_in.domain}
+        async with served(data_dir, kind="ros2", ros2=ros2, **robot) as answering:
             yield answering
             stand_in.untouched = "time_scale" not in robot and await _is_as_new(answering)
 

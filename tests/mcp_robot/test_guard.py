@@ -21,7 +21,7 @@ from backend.mcp_robot.pilot import Pilot
 from backend.mcp_robot.refusal import Refusal
 from backend.mcp_robot.robot import Fix, Route, Velocity
 from backend.mcp_robot.simulator.battery import Accumulator
-from backend.mcp_robot.simulator.simulated_robot import SimulatedRobot
+from backend.mcp_robot.simulator.simulated_robot import LARGEST_LAG, SimulatedRobot
 from backend.mcp_robot.simulator.world import World
 from backend.mcp_robot.stop import StopLatch
 from backend.telemetry import Pose, Scan, Twist, Zone
@@ -147,7 +147,8 @@ async def test_a_robot_that_takes_another_way_than_it_said_through_a_keep_out_zo
     goal = Pose(1.8, 3.1, 0.0)
     async with driving(robot, Pilot(robot, StopLatch(tmp_path), Limits(), [zone]), goal) as task:
         assert await refusal_of(task, robot) == "keep_out"
-    assert robot.fix.pose.x < 2.5 - RADIUS + 0.2
+    unseen = LARGEST_LAG * Limits().max_speed  # what it may drive at once after the machine stood
+    assert robot.fix.pose.x < 2.5 - RADIUS + 0.2 + unseen
 
 
 async def test_something_in_the_way_that_the_robot_itself_does_not_stop_for(office: World, tmp_path: Path) -> None:

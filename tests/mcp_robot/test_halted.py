@@ -11,7 +11,7 @@ from .test_tools import call, refused
 
 async def test_a_motion_that_the_watchdog_ends_is_told_until_the_next_one_begins(tmp_path: Path) -> None:
     async with (
-        serving(tmp_path, time_scale=1.0, limits={"unheard_motion": 1.0}) as robot,
+        serving(tmp_path, time_scale=1.0, limits={"unheard_motion": 4.0}) as robot,
         robot.mcp() as client,
         robot.telemetry("state", rate=50) as reader,
     ):
@@ -37,7 +37,7 @@ async def test_what_people_end_and_what_never_began_is_not_told_as_halted(tmp_pa
         await reader.state(lambda s: s.twist.linear > 0.1)
         driving.cancel()
         assert (await reader.state(lambda s: s.motion is None)).halted is None
-        driving = asyncio.create_task(client.call_tool("navigate_to_place", {"place": "dock"}))
+        driving = asyncio.create_task(client.call_tool("navigate_to_place", {"place": "kitchen"}))
         await reader.state(lambda s: s.motion is not None)
         await http.post("/stop", params={"by": "Ana"})
         assert (await driving).is_error

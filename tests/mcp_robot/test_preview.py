@@ -152,6 +152,7 @@ async def test_a_drive_that_is_refused_leaves_the_preview_of_somebody_else(robot
 async def test_a_preview_of_whoever_is_gone_goes(robot: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pilot, "PREVIEW_AGE", 0.2)
     async with robot.mcp() as client, robot.telemetry("path") as reader:
+        await gone(reader)  # from now on it is told of every change
         await drawn(client, "kitchen", id="a.1")
         await shown(reader, KITCHEN)
         await gone(reader)

@@ -14,6 +14,7 @@ from mcp import Client, StdioServerParameters
 
 from backend import identity
 from backend.mcp_robot.stdio import read_lines
+from tests.processes import PATIENCE_S, free_port
 
 PROGRAM = """
 import asyncio, sys
@@ -23,12 +24,6 @@ from backend.mcp_robot.server import serve
 settings = config.Settings(data_dir=Path(sys.argv[1]), robot=config.Robot(port=int(sys.argv[2]), time_scale=20))
 asyncio.run(serve(settings, stdio=True))
 """
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 async def test_tools_work_over_stdio_while_stop_works_over_http(tmp_path: Path) -> None:
@@ -59,7 +54,7 @@ async def test_it_ends_when_its_input_does_or_when_told_to(tmp_path: Path, endin
             process.send_signal(ending)
         else:
             process.stdin.close()
-        async with asyncio.timeout(5):
+        async with asyncio.timeout(PATIENCE_S):
             await process.wait()
     finally:
         if process.returncode is None:
@@ -71,7 +66,7 @@ async def test_it_ends_when_its_input_does_or_when_told_to(tmp_path: Path, endin
 
 async def answers(port: int) -> None:
     """Wait until a server on that port does."""
-    async with asyncio.timeout(20), httpx.AsyncClient() as http:
+    async with asyncio.timeout(PATIENCE_S), httpx.AsyncClient() as http:
         while True:
             try:
                 await http.get(f"http://127.0.0.1:{port}/health")

@@ -14,7 +14,7 @@ from backend.mcp_robot.stop import FILE
 from tests.processes import Robot, end
 
 from .conftest import Served, serving
-from .test_tools import call, refused
+from .test_tools import AT_ONCE, call, refused
 
 
 async def test_a_stop_brakes_ends_the_motion_with_its_name_and_refuses_new_ones(tmp_path: Path) -> None:
@@ -30,7 +30,7 @@ async def test_a_stop_brakes_ends_the_motion_with_its_name_and_refuses_new_ones(
         assert answer.json()["stopped"]["by"] == "Ana"
         stopped = await reader.state(lambda s: s.stop is not None)
         halted = await reader.state(lambda s: s.twist.linear == 0)
-        assert math.dist((halted.pose.x, halted.pose.y), (stopped.pose.x, stopped.pose.y)) < 0.3
+        assert math.dist((halted.pose.x, halted.pose.y), (stopped.pose.x, stopped.pose.y)) < AT_ONCE
         result = await driving
         assert result.is_error
         assert result.content[0].text == "stopped: Stopped by Ana. A supervisor has to release it."  # type: ignore[union-attr]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
+import statistics
 import time
 from pathlib import Path
 
@@ -57,7 +59,7 @@ async def test_pictures_come_while_somebody_looks_and_each_only_once(robot: Serv
         got = 0
         while isinstance(await seldom.next(), telemetry.Picture):
             got += 1
-        assert 1 <= got <= took + 2
+        assert 1 <= got <= time.monotonic() - began + 2
 
 
 async def test_only_what_was_asked_for_comes(robot: Served) -> None:
@@ -70,16 +72,21 @@ async def test_only_what_was_asked_for_comes(robot: Served) -> None:
 
 async def test_states_come_at_about_the_rate_asked_for(robot: Served) -> None:
     async with robot.telemetry("state", rate=10) as reader:
+        assert await usual_pause(reader) == pytest.approx(0.1, abs=0.05)
+
+
+async def usual_pause(reader: Reader) -> float:
+    """Seconds between two states, most of the time: a machine that stands for a while does not count."""
+    arrived = []
+    for _ in range(12):
         await reader.state()
-        began = time.monotonic()
-        for _ in range(10):
-            await reader.state()
-        assert time.monotonic() - began == pytest.approx(1.0, abs=0.3)
+        arrived.append(time.monotonic())
+    return statistics.median(after - before for before, after in itertools.pairwise(arrived))
 
 
 async def test_a_drive_shows_its_path_motion_and_goal_and_then_none(tmp_path: Path) -> None:
     async with (
-        serving(tmp_path, time_scale=4.0) as robot,
+        serving(tmp_path, time_scale=1.0) as robot,
         robot.mcp() as client,
         robot.telemetry("state", "path") as reader,
     ):
@@ -106,8 +113,8 @@ async def test_a_reader_that_sleeps_gets_the_present_afterwards_and_slows_nobody
         transport = lazy.socket.transport
         transport.pause_reading()  # type: ignore[attr-defined]
         first = (await keen.state()).time
-        last = (await keen.state(lambda s: s.time > first + 2.0)).time
-        assert last - first == pytest.approx(2.0, abs=0.2)
+        await keen.state(lambda s: s.time > first + 2.0)
+        assert await usual_pause(keen) == pytest.approx(0.05, abs=0.03)
         transport.resume_reading()  # type: ignore[attr-defined]
         newest = (await keen.state()).time
         times = [s.time for s in [await lazy.state() for _ in range(20)]]

@@ -29,6 +29,9 @@ TOOLS = {
     "rotate_in_place",
     "speak",
 }
+AT_ONCE = 1.0
+"""Metres within which it halts, of a drive of 13 m: where robot and server are two processes, a busy machine lets one
+of them wait for the other."""
 LOOKING = {"get_topological_map", "get_current_pose", "get_robot_status", "take_photo"}
 
 
@@ -104,7 +107,7 @@ async def test_driving_to_a_place_arrives_there_and_tells_progress_on_the_way(tm
     async def on_progress(progress: float, total: float | None, message: str | None) -> None:
         heard.append((progress, total, message))
 
-    async with serving(tmp_path, time_scale=10.0) as robot, robot.mcp() as client:
+    async with serving(tmp_path, time_scale=4.0) as robot, robot.mcp() as client:
         nodes = (await call(client, "get_topological_map"))["nodes"]
         place = next(node for node in nodes if node["name"] == "lab 2.3.7")
         result = await client.call_tool("navigate_to_place", {"place": "Lab2.3.7"}, progress_callback=on_progress)
@@ -127,8 +130,8 @@ async def test_driving_to_a_place_arrives_there_and_tells_progress_on_the_way(tm
     assert " m to go, about " in (heard[0][2] or "")
 
 
-async def test_driving_to_a_pose_takes_up_its_yaw(robot: Served) -> None:
-    async with robot.mcp() as client:
+async def test_driving_to_a_pose_takes_up_its_yaw(tmp_path: Path) -> None:
+    async with serving(tmp_path, time_scale=4.0) as robot, robot.mcp() as client:
         result = await call(client, "navigate_to_pose", x=3.0, y=2.5, yaw=-2.0)
     assert result["reached"]
     assert apart(result["pose"], {"x": 3.0, "y": 2.5}) < 0.1
@@ -282,7 +285,7 @@ async def test_cancelling_the_call_brings_the_robot_to_a_halt_on_the_way(tmp_pat
         driving.cancel()
         moving = await reader.state(lambda s: s.motion is None)
         halted = await reader.state(lambda s: s.twist == telemetry.Twist(0.0, 0.0))
-        assert math.dist((halted.pose.x, halted.pose.y), (moving.pose.x, moving.pose.y)) < 0.3
+        assert math.dist((halted.pose.x, halted.pose.y), (moving.pose.x, moving.pose.y)) < AT_ONCE
         assert 0.3 < apart({"x": halted.pose.x, "y": halted.pose.y}, {"x": 0.9, "y": 3.1}) < 3
         for _ in range(10):
             assert (await reader.state()).pose == halted.pose
@@ -300,7 +303,8 @@ async def test_cancelling_speech_ends_it_and_leaves_the_motion_alone(tmp_path: P
         speaking.cancel()
         state = await reader.state(lambda s: s.speaking is None)
         assert state.motion is not None
-        assert (await reader.state()).twist.linear > 0.1
+        await reader.state(lambda s: s.twist.linear > 0.1)
+        assert not driving.done()
         driving.cancel()
 
 

@@ -66,13 +66,15 @@ async def test_through_asyncio_the_virtual_clock_gives_the_same_states_too(offic
     assert await session() == await session()
 
 
-async def test_the_virtual_clock_does_not_wait_for_the_wall(office: World) -> None:
+async def test_the_virtual_clock_does_not_wait_for_the_wall(office: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    def wait(*_: object, **__: object) -> None:
+        raise AssertionError("it waits")
+
     robot = virtual(office)
-    began = time.process_time()
+    monkeypatch.setattr(asyncio.get_running_loop(), "call_at", wait)
     async with robot.running():
         await robot.drive(await robot.plan(Pose(21.0, 4.0, 0.0), final_yaw=True))
     assert robot.simulation.elapsed > 30.0
-    assert time.process_time() - began < robot.simulation.elapsed / 3
 
 
 async def test_the_pilot_works_on_the_virtual_clock(office: World, tmp_path: Path) -> None:
@@ -92,13 +94,13 @@ async def test_a_closed_door_ends_a_drive_as_blocked_with_a_next_step(office: Wo
             await robot.drive(route)
 
 
-@pytest.mark.parametrize("time_scale", [math.inf, 20.0])
+@pytest.mark.parametrize("time_scale", [math.inf, 4.0])
 async def test_another_way_is_told_to_whoever_shows_it(office: World, time_scale: float) -> None:
     robot = SimulatedRobot(office, Limits(), time_scale=time_scale, settings=Simulator())
     shown = []
     robot.on_reroute = shown.append
+    robot.simulation.pose = Pose(6.6, 7.0, 0.0)
     async with robot.running():
-        await robot.drive(await robot.plan(Pose(6.6, 7.0, 0.0), final_yaw=False))
         moving = asyncio.create_task(robot.drive(await robot.plan(Pose(20.0, 7.0, 0.0), final_yaw=True)))
         await eventually(lambda: robot.simulation.pose.x > 8.0, "the robot to be in the corridor")
         robot.simulation.surroundings.people = standing_at(robot.simulation.pose.x + 3.0, 7.0)

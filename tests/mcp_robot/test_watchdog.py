@@ -23,10 +23,10 @@ from .conftest import Reader, Served, serving
 from .dead_line import line_to
 from .test_tools import call
 
-SILENCE = 1.0
+SILENCE = 2.0
 """The watchdog's limit in these tests, in seconds."""
-WITHIN = SILENCE + 0.5
-"""The same, with the braking and what a busy machine adds."""
+WITHIN = SILENCE + 4.0
+"""Seconds of the robot's own time, which stands while the machine does: a drive to the lab takes more than 20."""
 LIMITS = {"client_silence": SILENCE}
 
 LEGACY = """
@@ -70,9 +70,9 @@ async def client(robot: Served, code: str, port: int | None = None) -> AsyncIter
 
 
 async def seconds_to_rest(reader: Reader) -> float:
-    begin = time.monotonic()
-    await reader.state(lambda s: s.motion is None and s.twist.linear == 0)
-    return time.monotonic() - begin
+    """Wait until the robot stands; returns how long that took on its own clock."""
+    began = (await reader.state()).time
+    return (await reader.state(lambda s: s.motion is None and s.twist.linear == 0)).time - began
 
 
 @CLIENTS
@@ -114,15 +114,16 @@ async def test_a_line_that_goes_dead_without_closing(tmp_path: Path, code: str) 
 
 @CLIENTS
 async def test_a_client_that_is_heard_drives_as_long_as_it_takes(tmp_path: Path, code: str) -> None:
-    limits = {"client_silence": 0.5, "unheard_motion": 0.5}
+    limits = {"client_silence": 2 * SILENCE, "unheard_motion": 2 * SILENCE}
     async with (
-        serving(tmp_path, time_scale=4.0, limits=limits) as robot,
+        serving(tmp_path, time_scale=2.0, limits=limits) as robot,
         robot.telemetry("state") as reader,
         client(robot, code) as process,
     ):
         began = (await reader.state(lambda s: s.motion is not None)).time
+        await reader.state(lambda s: s.pose.x > 6.0)
         ended = await reader.state(lambda s: s.motion is None)
-        assert (ended.time - began) / 4.0 > 4 * 0.5
+        assert (ended.time - began) / 2.0 > 2 * 2 * SILENCE
         assert ended.pose.x == pytest.approx(11.8, abs=0.1)
         assert await process.wait() == 0
 
@@ -141,21 +142,22 @@ async def test_the_agents_connection_outlives_the_silence_that_ended_its_motion(
         line.revive()
         result = await driving
         assert result.failed
-        assert result.text.startswith("silent: The client has been silent for 1 s")
+        assert result.text.startswith("silent: The client has been silent for 2 s")
         assert not (await tools.call("rotate_in_place", {"degrees": 5})).failed
         await tools.close()
 
 
 async def test_a_client_without_a_sign_of_life_moves_the_robot_for_a_limited_time(tmp_path: Path) -> None:
     async with (
-        serving(tmp_path, time_scale=1.0, limits={"unheard_motion": 1.0}) as robot,
+        serving(tmp_path, time_scale=1.0, limits={"unheard_motion": SILENCE}) as robot,
         robot.mcp() as mcp,
         robot.telemetry("state", rate=50) as reader,
     ):
         result = await mcp.call_tool("navigate_to_place", {"place": "lab 2.3.7"})
         assert result.is_error
         assert (result.structured_content or {})["error"]["code"] == "no_sign_of_life"
-        assert await seconds_to_rest(reader) < WITHIN
+        stands = await reader.state(lambda s: s.motion is None and s.twist.linear == 0 and s.halted is not None)
+        assert stands.pose.x < 11.8 - 1.0  # it was not there yet
 
 
 async def test_no_motion_at_all_for_clients_without_a_sign_of_life_where_that_is_set(tmp_path: Path) -> None:
@@ -180,6 +182,37 @@ async def test_the_same_name_in_two_calls_is_heard_for_both() -> None:
     await first
     callers.hear("Ana")
     await second
+
+
+async def test_while_this_process_stood_a_named_client_was_not_silent() -> None:
+    callers = watchdog.Callers()
+    listening = asyncio.create_task(callers.listen("Ana", 0.5))
+    await stand(1.0)
+    assert not listening.done()
+    await listening
+
+
+async def test_while_this_process_stood_a_client_that_is_asked_was_not_silent() -> None:
+    answered = asyncio.Event()
+
+    async def ask() -> None:
+        await answered.wait()
+
+    asking = asyncio.create_task(watchdog._until_unanswered(ask, 0.5))
+    await stand(1.0)
+    answered.set()
+    await stand(0.0)
+    assert not asking.done()
+    answered.clear()
+    await asking
+
+
+async def stand(seconds: float) -> None:
+    """As if the computer had been too busy for this process; then everything that waits gets its turn."""
+    await asyncio.sleep(0)
+    asyncio.get_running_loop().call_soon(time.sleep, seconds)
+    for _ in range(10):
+        await asyncio.sleep(0)
 
 
 @pytest.mark.parametrize("name", [None, 7, "", "x" * 201, ["Ana"]])

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.mcp_robot.conftest import Served, served
-from tests.ros2_robots import UNFIT, StandIn, StandIns
+from tests.mcp_robot.conftest import UNHURRIED, Served, served
+from tests.ros2_robots import PATIENT, UNFIT, StandIn, StandIns, patience
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -29,21 +29,24 @@ def stand_ins(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathF
 
 
 @pytest.fixture
-def interfaces(stand_ins: StandIns, tmp_path: Path) -> Path:
+def interfaces(stand_ins: StandIns, tmp_path: Path) -> Iterator[Path]:
     """A data folder with ROS interfaces, which this process can import."""
-    from backend.mcp_robot.ros2 import interfaces
-
     stand_ins.share(tmp_path)
-    interfaces.provide(tmp_path, "kilted")
-    return tmp_path
+    with patience(tmp_path):
+        yield tmp_path
 
 
 @pytest.fixture
-def start_at_once(interfaces: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Wait for five seconds at most for the robot's parts: in the test that takes this, some never come."""
-    from backend.mcp_robot.ros2 import ros2_robot
+def never(interfaces: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Names parts of the robot that never come in this test: a start does not wait for them, and for all others."""
+    from backend.mcp_robot.ros2.ros2_robot import Ros2Robot
 
-    monkeypatch.setattr(ros2_robot, "START_LIMIT", 5.0)
+    absent = Ros2Robot._absent
+
+    def name(*parts: str) -> None:
+        monkeypatch.setattr(Ros2Robot, "_absent", lambda robot: [p for p in absent(robot) if not p.startswith(parts)])
+
+    return name
 
 
 class Setting:
@@ -56,8 +59,8 @@ class Setting:
 
     @contextlib.asynccontextmanager
     async def served(self, *, limits: dict[str, Any] | None = None, **ros2: Any) -> AsyncIterator[Served]:
-        settings = {"demo": True, "domain_id": self.domain, "answer_timeout": 1.0, **ros2}
-        async with served(self.data, kind="ros2", ros2=settings, limits=limits or {}) as robot:
+        settings = PATIENT | {"demo": True, "domain_id": self.domain} | ros2
+        async with served(self.data, kind="ros2", ros2=settings, limits=UNHURRIED | (limits or {})) as robot:
             yield robot
 
 

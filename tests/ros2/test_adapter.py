@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -13,6 +14,7 @@ from tests.mcp_robot.test_tools import apart, call, refused
 from tests.processes import eventually
 from tests.ros2.conftest import Setting, node
 
+Never = Callable[..., None]
 LAB = Pose(11.8, 4.0, -1.57)
 
 
@@ -37,15 +39,58 @@ class Others:
         self._link = link
         self._client = ActionClient(link.node, NavigateToPose, "navigate_to_pose")
         self.ends: list[int] = []
+        self._handles: list[Any] = []  # of the goals that were accepted
         link.open()
 
     async def drive(self, pose: Pose) -> None:
         await eventually(self._client.server_is_ready, "Nav2 to be seen by another client")
 
         def accepted(answer: Any) -> None:
+            self._handles.append(answer.result())
             answer.result().get_result_async().add_done_callback(lambda end: self.ends.append(end.result().status))
 
         await self._link.run(lambda: self._client.send_goal_async(goal_to(pose)).add_done_callback(accepted))
+
+    async def cancel(self) -> None:
+        """Cancel the latest goal."""
+        await self._link.run(lambda: self._handles[-1].cancel_goal_async())
+
+
+class Wheels:
+    """What odometry says of the speed, and zero velocities when they are wanted."""
+
+    def __init__(self, link: Any) -> None:
+        from geometry_msgs.msg import TwistStamped
+        from nav_msgs.msg import Odometry
+        from rclpy.qos import qos_profile_sensor_data
+
+        self.speed = 0.0
+        link.node.create_subscription(Odometry, "odom", self._hear, qos_profile_sensor_data)
+        zero, publisher = TwistStamped(), link.node.create_publisher(TwistStamped, "cmd_vel_nav", 1)
+        self.send_zero = lambda: publisher.publish(zero)
+
+    def _hear(self, message: Any) -> None:
+        self.speed = message.twist.twist.linear.x
+
+    async def drive(self) -> None:
+        await eventually(lambda: self.speed > 0.3, "the robot to drive")
+
+    async def stand(self) -> None:
+        await eventually(lambda: self.speed == 0, "the robot to stand")
+
+
+async def test_zero_velocities_stop_the_stand_in_and_end_no_goal_as_with_nav2(real_time: Setting) -> None:
+    from action_msgs.msg import GoalStatus
+
+    async with node(real_time.domain) as link:
+        wheels, others = Wheels(link), Others(link)
+        await others.drive(LAB)
+        await wheels.drive()
+        wheels.send_zero()
+        await wheels.stand()
+        await others.cancel()
+        await eventually(lambda: others.ends, "the end of the goal")
+        assert others.ends == [GoalStatus.STATUS_CANCELED]
 
 
 async def test_a_stop_ends_other_clients_goals_and_holds_against_new_ones(real_time: Setting) -> None:
@@ -53,6 +98,7 @@ async def test_a_stop_ends_other_clients_goals_and_holds_against_new_ones(real_t
 
     async with (
         real_time.served() as robot,
+        robot.mcp() as client,
         robot.http() as http,
         robot.telemetry("state", rate=50) as reader,
         node(real_time.domain) as link,
@@ -70,26 +116,23 @@ async def test_a_stop_ends_other_clients_goals_and_holds_against_new_ones(real_t
         state = await reader.state(lambda s: s.twist.linear == 0)
         assert math.hypot(state.pose.x - halted.pose.x, state.pose.y - halted.pose.y) < 0.1
         await http.post("/release", params={"by": "Ana"})
+        await call(client, "rotate_in_place", degrees=5)  # nothing is left of the stop when that may begin
         await others.drive(LAB)
         await reader.state(lambda s: s.twist.linear > 0.2)
 
 
 async def test_a_robot_server_that_starts_brings_to_rest_what_a_killed_one_left_to_nav2(real_time: Setting) -> None:
     from action_msgs.msg import GoalStatus
-    from nav_msgs.msg import Odometry
 
-    speeds = [0.0]
     async with node(real_time.domain) as link:
-        link.node.create_subscription(
-            Odometry, "odom", lambda message: speeds.append(message.twist.twist.linear.x), qos_of_sensors()
-        )
-        others = Others(link)  # nobody is there who could halt its goal
+        wheels, others = Wheels(link), Others(link)  # nobody is there who could halt their goal
         await others.drive(LAB)
-        await eventually(lambda: speeds[-1] > 0.3, "the robot to drive")
+        await wheels.drive()
         async with real_time.served() as robot, robot.telemetry("state") as reader:
             await reader.state(lambda s: s.twist.linear == 0)
-            await eventually(lambda: others.ends == [GoalStatus.STATUS_CANCELED], "the end of the goal")
-            assert speeds[-1] == 0
+            await eventually(lambda: others.ends, "the end of the goal")
+            assert others.ends == [GoalStatus.STATUS_CANCELED]
+            await wheels.stand()
 
 
 def qos_of_sensors() -> Any:
@@ -119,9 +162,7 @@ async def test_cancelling_the_call_reaches_nav2(real_time: Setting) -> None:
             await reader.state(lambda s: s.twist.linear == 0)
 
 
-async def test_a_goal_that_is_rejected_and_a_server_that_is_missing_have_codes(
-    real_time: Setting, start_at_once: None
-) -> None:
+async def test_a_goal_that_is_rejected_is_told(real_time: Setting) -> None:
     from nav2_msgs.action import NavigateToPose
     from rclpy.action import ActionServer, GoalResponse
 
@@ -130,12 +171,18 @@ async def test_a_goal_that_is_rejected_and_a_server_that_is_missing_have_codes(
             link.node, NavigateToPose, "choosy", lambda _: None, goal_callback=lambda _: GoalResponse.REJECT
         )  # fmt: skip
         link.open()
-        async with real_time.served(navigate="choosy", spin="absent") as robot, robot.mcp() as client:
+        async with real_time.served(navigate="choosy") as robot, robot.mcp() as client:
             text = await refused(client, "navigate_to_place", place="reception")
             assert text == "goal_rejected: choosy rejected the goal. Choose another, or look at its log."
-            text = await refused(client, "rotate_in_place", degrees=10)
-            assert text.startswith("nav_unavailable: The robot's action server absent does not answer. Start Nav2")
             assert (await call(client, "get_robot_status"))["mode"] == "idle"
+
+
+async def test_a_server_that_is_missing_is_told(real_time: Setting, never: Never) -> None:
+    never("the action absent")
+    async with real_time.served(spin="absent", answer_timeout=0.5) as robot, robot.mcp() as client:
+        text = await refused(client, "rotate_in_place", degrees=10)
+        assert text.startswith("nav_unavailable: The robot's action server absent does not answer. Start Nav2")
+        assert (await call(client, "get_robot_status"))["mode"] == "idle"
 
 
 async def test_a_server_that_accepts_and_then_says_nothing_ends_with_a_timeout(
@@ -144,9 +191,10 @@ async def test_a_server_that_accepts_and_then_says_nothing_ends_with_a_timeout(
     from nav2_msgs.action import Spin
     from rclpy.action import ActionServer
 
-    from backend.mcp_robot.ros2 import ros2_robot
+    from backend.mcp_robot.ros2 import brake, ros2_robot
 
     monkeypatch.setattr(ros2_robot, "SILENCE", 1.0)
+    monkeypatch.setattr(brake, "PATIENCE", 1.0)  # its goal never ends
     async with node(real_time.domain) as link:
         ActionServer(link.node, Spin, "mute", lambda _: Spin.Result(), handle_accepted_callback=lambda _: None)
         link.open()
@@ -184,23 +232,23 @@ async def test_a_camera_that_is_dead_is_told_and_one_that_is_raw_is_read(real_ti
 
 
 async def test_a_robot_without_a_listener_for_speech_has_no_voice(real_time: Setting) -> None:
-    async with real_time.served(speech="nobody") as robot, robot.mcp() as client:
+    async with real_time.served(speech="nobody", answer_timeout=0.5) as robot, robot.mcp() as client:
         text = await refused(client, "speak", text="Hello")
         assert text == "no_voice: The robot has no voice: nobody listens, on the topic nobody."
 
 
-async def test_a_robot_that_never_knew_where_it_is_says_so_and_does_not_move(
-    real_time: Setting, start_at_once: None
-) -> None:
+async def test_a_robot_that_never_knew_where_it_is_says_so_and_does_not_move(real_time: Setting, never: Never) -> None:
+    never("the robot's pose", "the laser")
     async with real_time.served(base_frame="another_robot", amcl_pose="") as robot, robot.mcp() as client:
         assert (await refused(client, "get_current_pose")).startswith("lost: The robot does not know where it is.")
         for tool, arguments in (("navigate_to_place", {"place": "reception"}), ("rotate_in_place", {"degrees": 9})):
             assert (await refused(client, tool, **arguments)).startswith("lost: ")
 
 
-async def test_a_robot_whose_odometry_was_never_heard_does_not_move(real_time: Setting, start_at_once: None) -> None:
+async def test_a_robot_whose_odometry_was_never_heard_does_not_move(real_time: Setting, never: Never) -> None:
     from nav_msgs.msg import Odometry
 
+    never("odometry")
     async with node(real_time.domain) as link:
         # The stand-in is silent until somebody listens to its odometry.
         link.node.create_subscription(Odometry, "odom", lambda _: None, qos_of_sensors())
@@ -223,7 +271,8 @@ async def test_a_robot_whose_odometry_dies_on_the_way_is_halted(
     def unusable(_: Any) -> Any:
         raise ValueError("a broken encoder")
 
-    async with real_time.served() as robot, robot.mcp() as client, robot.telemetry("state") as reader:
+    limits = {"pose_timeout": 3.0}
+    async with real_time.served(limits=limits) as robot, robot.mcp() as client, robot.telemetry("state") as reader:
         driving = asyncio.create_task(client.call_tool("navigate_to_place", {"place": "lab 2.3.7"}))
         await reader.state(lambda s: s.twist.linear > 0.3)
         with monkeypatch.context() as patch:
@@ -240,7 +289,10 @@ async def test_a_robot_without_a_laser_does_not_drive(real_time: Setting) -> Non
         assert text.startswith("blind: The laser has no readings")
 
 
-async def test_a_robot_without_a_map_says_so(real_time: Setting, start_at_once: None) -> None:
+async def test_a_robot_without_a_map_says_so(real_time: Setting, monkeypatch: pytest.MonkeyPatch) -> None:
+    from backend.mcp_robot.ros2 import ros2_robot
+
+    monkeypatch.setattr(ros2_robot, "START_LIMIT", 1.0)
     async with (
         real_time.served(map="no/map") as robot,
         robot.mcp() as client,
@@ -251,14 +303,15 @@ async def test_a_robot_without_a_map_says_so(real_time: Setting, start_at_once: 
         await reader.state()
 
 
-async def test_without_transforms_the_pose_is_amcls_and_goes_on_with_odometry(
-    real_time: Setting, start_at_once: None
-) -> None:
+async def test_without_transforms_the_pose_is_amcls_and_goes_on_with_odometry(real_time: Setting, never: Never) -> None:
+    never("the robot's pose", "the laser")  # it is known anew only when AMCL speaks, which is when the robot moves
     async with (
         real_time.served(map_frame="map", base_frame="nowhere", limits={"pose_timeout": 0.5}) as robot,
         robot.mcp() as client,
         node(real_time.domain) as link,
     ):
+        while (await client.call_tool("get_current_pose", {})).is_error:
+            await asyncio.sleep(0.05)
         pose = await call(client, "get_current_pose")
         assert pose["source"] in ("amcl_pose", "odometry")
         assert apart(pose, {"x": 0.9, "y": 3.1}) < 0.01
@@ -275,7 +328,8 @@ async def test_without_transforms_the_pose_is_amcls_and_goes_on_with_odometry(
 async def test_a_robot_that_falls_silent_is_known_to_be_old_and_does_not_move(
     real_time: Setting, stand_ins: Any
 ) -> None:
-    async with real_time.served() as robot, robot.mcp() as client, robot.telemetry("state") as reader:
+    limits = {"pose_timeout": 3.0}
+    async with real_time.served(limits=limits) as robot, robot.mcp() as client, robot.telemetry("state") as reader:
         driving = asyncio.create_task(client.call_tool("navigate_to_place", {"place": "lab 2.3.7"}))
         await reader.state(lambda s: s.twist.linear > 0.3)
         with stand_ins.frozen(real_time.stand_in):

@@ -6,13 +6,14 @@ import asyncio
 import contextlib
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from tests.mcp_robot.test_tools import refused
-from tests.processes import eventually
+from tests.processes import PATIENCE_S, eventually
 from tests.ros2.conftest import Setting, node
 
 SILENT = "timeout: stubborn has said nothing"
@@ -43,10 +44,11 @@ class Stubborn:
 
 
 @pytest.fixture
-def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
-    from backend.mcp_robot.ros2 import ros2_robot
+def hurried(interfaces: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from backend.mcp_robot.ros2 import brake, ros2_robot
 
     monkeypatch.setattr(ros2_robot, "SILENCE", 0.5)
+    monkeypatch.setattr(brake, "PATIENCE", 1.0)
 
 
 async def test_it_brakes_until_the_halted_motion_has_ended_and_begins_no_other(
@@ -59,7 +61,7 @@ async def test_it_brakes_until_the_halted_motion_has_ended_and_begins_no_other(
         stubborn = Stubborn(link)
         link.node.create_subscription(TwistStamped, "cmd_vel_nav", zeros.append, 1)
         link.open()
-        async with real_time.served(spin="stubborn") as robot, robot.mcp() as client:
+        async with real_time.served(spin="stubborn", compute_path="") as robot, robot.mcp() as client:
             assert (await refused(client, "rotate_in_place", degrees=10)).startswith(SILENT)
             assert (await refused(client, "rotate_in_place", degrees=10)).startswith(UNFINISHED)
             assert (await refused(client, "navigate_to_place", place="reception")).startswith(UNFINISHED)
@@ -67,28 +69,28 @@ async def test_it_brakes_until_the_halted_motion_has_ended_and_begins_no_other(
             seen = len(zeros)
             await eventually(lambda: len(zeros) > seen + 10, "zeros long after the halt")
             stubborn.end()
-            assert (await refused(client, "rotate_in_place", degrees=10)).startswith(SILENT)
-            assert len(stubborn.goals) == 2
+            await rotate_until(client, lambda: len(stubborn.goals) == 2)
 
 
 async def test_a_server_that_was_restarted_knows_nothing_of_the_halted_motion(
-    real_time: Setting, hurried: None
+    real_time: Setting, hurried: None, never: Callable[..., None]
 ) -> None:
+    never("the action stubborn")  # before the robot server has begun
     async with real_time.served(spin="stubborn") as robot, robot.mcp() as client:
         async with node(real_time.domain) as link:
             killed = Stubborn(link)
             link.open()
-            await rotate_until_it_has_a_goal(client, killed)
+            await rotate_until(client, lambda: killed.goals)
         assert (await refused(client, "rotate_in_place", degrees=10)).startswith(UNFINISHED)
         async with node(real_time.domain) as link:
             restarted = Stubborn(link)
             link.open()
-            await rotate_until_it_has_a_goal(client, restarted)
+            await rotate_until(client, lambda: restarted.goals)
 
 
-async def rotate_until_it_has_a_goal(client: Any, server: Stubborn) -> None:
-    async with asyncio.timeout(20):
-        while not server.goals:
+async def rotate_until(client: Any, condition: Callable[[], Any]) -> None:
+    async with asyncio.timeout(PATIENCE_S):
+        while not condition():
             await refused(client, "rotate_in_place", degrees=10)
 
 
@@ -107,6 +109,39 @@ def busy(link: Any) -> Iterator[None]:
         yield
     finally:
         gate.set()
+
+
+async def test_no_motion_begins_before_a_cancel_that_was_asked_for_is_sent(real_time: Setting) -> None:
+    from backend.config import Ros2
+    from backend.mcp_robot.ros2.brake import Brake
+
+    async with node(real_time.domain) as link:
+        brake = Brake(link, Ros2(stops=[]), time.time, lambda: False)
+        link.open()
+        with busy(link):
+            brake.halt()
+            next_motion = asyncio.create_task(brake.let_go())
+            await asyncio.sleep(0)
+            assert not next_motion.done()
+        await next_motion
+        assert brake._cancelled_at > 0
+
+
+async def test_a_server_that_is_seen_is_reached_only_when_it_has_answered(real_time: Setting) -> None:
+    from backend.config import Ros2
+    from backend.mcp_robot.ros2.brake import Brake
+
+    async with node(real_time.domain) as server, node(real_time.domain) as link:
+        Stubborn(server)
+        server.open()
+        brake = Brake(link, Ros2(spin="stubborn", navigate="absent", stops=[]), time.time, lambda: True)
+        link.open()
+        with busy(server):
+            brake.halt()
+            await eventually(lambda: any(each.waiting for each in brake._cancels), "a cancel to be under way")
+            assert not brake.reaches("stubborn")
+        await eventually(lambda: brake.reaches("stubborn"), "the answer")
+        assert not brake.reaches("absent")
 
 
 async def test_a_cancel_that_nobody_answers_is_asked_again_and_holds_up_no_motion(real_time: Setting) -> None:

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from tests.end_to_end.conftest import start
-from tests.processes import PATIENCE_S, Client, Robot, end
-from tests.ros2_robots import StandIns, free_domain
+from tests.processes import PATIENCE_S, Client, Robot, end, eventually, listens
+from tests.ros2_robots import VARIABLES, StandIns, free_domain
 
 
 def doctor(robot: Robot, *arguments: str) -> tuple[int, str]:
@@ -22,14 +22,15 @@ def doctor(robot: Robot, *arguments: str) -> tuple[int, str]:
 
 async def test_up_on_the_stand_in_serves_the_papers_first_prompt_over_tcp(tmp_path: Path, stand_ins: StandIns) -> None:
     stand_ins.share(tmp_path)
-    up = start(Robot(tmp_path), "--robot", "ros2", "--ros2-demo", "--time-scale", "4")
+    up = start(Robot(tmp_path, dict(VARIABLES)), "--robot", "ros2", "--ros2-demo", "--time-scale", "4")
     try:
+        await eventually(lambda: listens(up.robot.agent_port), "the agent: the dashboard may be there before")
         async with asyncio.timeout(90):
             client = await Client.open(f"tcp://127.0.0.1:{up.robot.agent_port}")
             await client.new()
             async with up.robot.watched() as watched:
                 assert await client.prompt("Go to lab 2.3.7, say hello, and come back to the dock.") == "end_turn"
-                assert watched.distance_to(0.9, 3.1) < 0.15
+                await watched.until(lambda: watched.distance_to(0.9, 3.1) < 0.15, "the robot at its dock")
                 assert "ello" in " ".join(watched.spoken)
                 assert min(((s.pose.x - 11.8) ** 2 + (s.pose.y - 4.0) ** 2) ** 0.5 for _, s in watched.states) < 0.15
             await client.close()
@@ -45,10 +46,11 @@ async def test_a_robot_of_an_older_distribution_is_driven_and_its_failure_told(
     stand_ins.share(tmp_path)
     robot = Robot(
         tmp_path,
-        {
+        VARIABLES
+        | {
             "ROBOT_ACP_ROBOT__ROS2__DISTRO": distro,
             "ROBOT_ACP_ROBOT__ROS2__DOMAIN_ID": str(free_domain()),
-            "ROBOT_ACP_ROBOT__TIME_SCALE": "10",
+            "ROBOT_ACP_ROBOT__TIME_SCALE": "1",
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         },
     )
@@ -65,8 +67,8 @@ async def test_a_robot_of_an_older_distribution_is_driven_and_its_failure_told(
                 assert (await call(client, "rotate_in_place", degrees=45))["reached"]
                 arrived = await call(client, "navigate_to_place", place="reception")
                 assert arrived["reached"]
-                driving = asyncio.create_task(client.call_tool("navigate_to_place", {"place": "kitchen"}))
                 async with robot.watched() as watched:
+                    driving = asyncio.create_task(client.call_tool("navigate_to_place", {"place": "lab 2.3.7"}))
                     await watched.until(lambda: watched.speed > 0.3, "the robot to drive")
                     end(stand_in)  # and with it Nav2
                     result = await driving

@@ -77,8 +77,34 @@ async def test_a_sentence_is_over_when_the_action_says_so_and_a_stop_ends_it(rea
             await http.post("/release", params={"by": "Ana"})
 
 
+async def test_a_listener_that_is_only_about_to_listen_is_waited_for(real_time: Setting) -> None:
+    from std_msgs.msg import String
+
+    async with real_time.served(speech="late") as robot, robot.mcp() as client, node(real_time.domain) as link:
+        async with robot.telemetry("speech") as reader:
+            speaking = asyncio.create_task(call(client, "speak", text="Yes"))
+            await reader.until(lambda message: message.text == "Yes")
+        link.node.create_subscription(String, "late", lambda _: None, 10)
+        link.open()
+        assert (await speaking)["text"] == "Yes"
+
+
+async def test_a_stop_ends_the_wait_for_a_listener(real_time: Setting) -> None:
+    async with (
+        real_time.served(speech="nobody") as robot,
+        robot.mcp() as client,
+        robot.http() as http,
+        robot.telemetry("state") as reader,
+    ):
+        speaking = asyncio.create_task(refused(client, "speak", text="Hello"))
+        await reader.state(lambda state: state.speaking == "Hello")
+        await http.post("/stop", params={"by": "Ana"})
+        assert (await speaking).startswith("stopped: Stopped by Ana.")
+        await http.post("/release")
+
+
 async def test_a_speech_action_that_nobody_serves_is_told(real_time: Setting) -> None:
-    async with real_time.served(**ACTION) as robot, robot.mcp() as client:
+    async with real_time.served(**ACTION, answer_timeout=0.5) as robot, robot.mcp() as client:
         assert (await refused(client, "speak", text="Hello")).startswith(
             "no_voice: The robot's speech action say failed: nothing serves it."
         )

@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable
+from concurrent.futures import Future
 from typing import Any
 
 from action_msgs.srv import CancelGoal
@@ -33,10 +34,8 @@ CANCEL_EVERY = 0.2
 """Seconds between cancelling everybody's goals while braking."""
 ANSWER_LIMIT = 1.0
 """Seconds after which a cancel that is not answered is asked again: whoever should answer may have been killed."""
-QUIET_LIMIT = 1.0
-"""Seconds that a new motion waits for cancels that are under way."""
 PATIENCE = 3.0
-"""Seconds that a halted goal may take to end before the log tells of it."""
+"""Seconds that a halted goal may take to end before the log tells of it, and a new motion is refused."""
 UNKNOWN_GOAL = CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
 
 
@@ -51,6 +50,7 @@ class Brake:
         self._held = False  # set by hold
         self._until = 0.0  # monotonic time until which it brakes in any case
         self._settling = False  # from a halt until the robot stands
+        self._ordered: Future[None] | None = None  # the cancel of everything that the latest halt asked for
         self._cancelled_at = 0.0  # monotonic time of the latest cancel of everything
         self._goals: tuple[Goal, ...] = ()  # our motions whose end is not known
         self._unfinished_since: float | None = None  # monotonic time since when one is halted and has not ended
@@ -69,7 +69,7 @@ class Brake:
     def halt(self) -> None:
         """Cancel all goals of everybody and send zero velocity, until all is at rest. Returns at once."""
         self._until, self._settling = time.monotonic() + PULSE, True
-        self._link.submit(self._cancel_all)  # first: a publisher that fails must not keep it
+        self._ordered = self._link.submit(self._cancel_all)  # first: a publisher that fails must not keep it
         self._publish()
 
     def hold(self, held: bool) -> None:
@@ -80,16 +80,28 @@ class Brake:
         else:
             self._until = 0.0
 
+    def reaches(self, action: str) -> bool:
+        """Whether the server of this action has answered a cancel: it hears this node, and its answers arrive.
+
+        To see it is not enough: what a server answers before it has found who asked is lost.
+        """
+        return any(each.answered for each in self._cancels if each.action == action)
+
     async def let_go(self) -> None:
         """Brake no more for a halt that is over, once all cancels are answered: the next motion may begin.
 
         Raises `Refusal` (timeout) when the motion that was halted has not ended.
         """
-        await until(lambda: not self._unfinished and not any(c.waiting for c in self._cancels), QUIET_LIMIT, every=0.01)
+        await until(self._is_quiet, PATIENCE, every=0.01)
         if unfinished := self._unfinished:
             sentence = f"{unfinished[0].name} does not end the motion that was halted. Look at its log, or restart it."
             raise Refusal("timeout", sentence)
         self._until, self._settling = 0.0, False
+
+    def _is_quiet(self) -> bool:
+        """Nothing is left of a halt that could end the next motion."""
+        asked = self._ordered is None or self._ordered.done()
+        return asked and not self._unfinished and not any(each.waiting for each in self._cancels)
 
     @property
     def _unfinished(self) -> list[Goal]:
@@ -132,13 +144,14 @@ class Brake:
 
 
 class _Canceller:
-    """Cancels the goals of one action. On the ROS thread, but for `waiting`."""
+    """Cancels the goals of one action. On the ROS thread, but for `answered` and `waiting`."""
 
     def __init__(self, node: Any, action: str) -> None:
         self.action = action
         self._open: Any = None  # the cancel that was not answered yet: one at most
         self._asked = 0.0  # monotonic time of that one
         self._one = False  # the next cancel is for one goal
+        self.answered = False  # once at least
         self._client = node.create_client(CancelGoal, f"{action}/_action/cancel_goal")
 
     @property
@@ -168,6 +181,7 @@ class _Canceller:
         answer = self._open = self._client.call_async(request)
 
         def answered(_: Any) -> None:
+            self.answered = True
             if self._open is answer:
                 self._open = None
             if named and answer.exception() is None and answer.result().return_code == UNKNOWN_GOAL:

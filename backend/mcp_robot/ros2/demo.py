@@ -2,7 +2,8 @@
 
 A process of its own, for tests and for trying robot-acp where no ROS is installed: `robot-acp ros2-demo`. What its
 clients see is ROS and nothing else. As with Nav2, a new goal takes over from the one before, whoever sent it, and a
-zero velocity on the velocity topic stops the robot. It is no Nav2: there are no costmaps and no recoveries.
+zero velocity on the velocity topic stops the robot, but ends no goal: that is what a cancel is for. It is no Nav2:
+there are no costmaps and no recoveries.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from backend.mcp_robot.refusal import Halted, Refusal
 from backend.mcp_robot.ros2 import convert
 from backend.mcp_robot.ros2.demo_topics import Topics
 from backend.mcp_robot.ros2.link import RosLink
+from backend.mcp_robot.ros2.waiting import until
 from backend.mcp_robot.simulator.simulated_robot import SimulatedRobot
 from backend.telemetry import Pose
 
@@ -29,6 +31,8 @@ logger = logging.getLogger(__name__)
 
 FEEDBACK_EVERY = 0.05
 """Wall seconds between feedbacks, and between looks at whether a goal was cancelled."""
+PROGRESS_TIME = 10.0
+"""Wall seconds that a robot may stand before its goal is given up, as Nav2's progress checker has it."""
 COLLISION_AHEAD, NO_PROGRESS, NO_VALID_PATH, UNKNOWN = 703, 105, 209, 9000
 
 End = Literal["succeeded", "canceled", "aborted"]
@@ -160,6 +164,8 @@ class StandIn:
                     handle.publish_feedback(feedback())
             moving.result()
         except Halted:
+            # Zero velocities and a cancel come by ways of their own, in any order.
+            await until(lambda: handle.is_cancel_requested or self._latest is not handle, PROGRESS_TIME)
             if handle.is_cancel_requested:
                 return "canceled"
             _explain(result, failure, "The motion was stopped.")

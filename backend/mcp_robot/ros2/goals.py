@@ -147,12 +147,10 @@ class Goal:
             )
 
     async def _limited(self, future: asyncio.Future[bool], what: str) -> bool:
-        try:
-            async with asyncio.timeout(self._answer_timeout):
-                return await future
-        except TimeoutError:
+        if not await until(future.done, self._answer_timeout, every=0.01):
             sentence = f"{self.name} did not {what} within {self._answer_timeout:g} s. Look at its log, then try again."
-            raise Refusal("timeout", sentence) from None
+            raise Refusal("timeout", sentence)
+        return future.result()
 
     async def _end(
         self, ended: asyncio.Future[tuple[int, Any]], silence: float, check: Callable[[], None] | None

@@ -63,6 +63,7 @@ class Ros2Robot:
         self._link = RosLink("robot_acp", settings.domain_id)
         self._goal: Goal | None = None  # the motion under way
         self._remaining: Remaining | None = None  # what is left of it
+        self._starting = True  # until the robot's parts are found
         self._halts = 0  # how often halt was called: what began before one must not go on after it
         self._search: tuple[OccupancyGrid, planner.SearchGrid] | None = None  # for the map that it was made of
         self._join()  # the ROS thread does not run yet
@@ -82,12 +83,13 @@ class Ros2Robot:
     def _join(self) -> None:
         node, s = self._link.node, self._settings
         self._senses = Senses(node, s, self._limits.pose_timeout, self._zones)
-        self._brake = Brake(self._link, s, self._senses.clock, lambda: self._senses.velocity.twist != Twist(0.0, 0.0))
         self._camera = Camera(self._link, s, self._senses)
         self._navigate = ActionClient(node, NavigateToPose, s.navigate)
         self._spin = ActionClient(node, Spin, s.spin)
         self._compute_path = ActionClient(node, ComputePathToPose, s.compute_path) if s.compute_path else None
         self._voice = voice(self._link, s, self._senses.clock)
+        # After the clients: nodes hear of these in order, so that whoever answers a cancel has found the others, too.
+        self._brake = Brake(self._link, s, self._senses.clock, self._may_move)
 
     async def _wait_for_the_robot(self) -> None:
         loop = asyncio.get_running_loop()
@@ -100,7 +102,7 @@ class Ros2Robot:
         # A robot server that ended badly left its motion to Nav2: whatever it is, it ends now.
         self._brake.halt()
         await until(lambda: not self._absent(), START_LIMIT)
-        self._brake.halt()  # again: by now the nodes have seen each other
+        self._starting = False
         if self._senses.odometry:
             await self._at_rest()
         await self._brake.let_go()
@@ -112,6 +114,10 @@ class Ros2Robot:
             if grid.state(place.pose.x, place.pose.y) != FREE:
                 logger.error("%s is not on free floor of the robot's map: is places.yaml of this map?", place.name)
 
+    def _may_move(self) -> bool:
+        """Whether a halt has to go on: until the nodes have seen each other, nobody knows."""
+        return self._starting or self._senses.velocity.twist != Twist(0.0, 0.0)
+
     def _absent(self) -> list[str]:
         """What a motion needs and has not been heard of yet."""
         senses, s = self._senses, self._settings
@@ -121,8 +127,8 @@ class Ros2Robot:
             f"odometry ({s.odom})": senses.odometry is not None,
             f"the battery ({s.battery})": senses.battery is not None or not s.battery,
             f"the laser and its transform ({s.scan})": bool(senses.scan().ranges) or not s.scan,
-            f"the action {s.navigate}": self._navigate.server_is_ready(),
-            f"the action {s.spin}": self._spin.server_is_ready(),
+            f"the action {s.navigate}": self._navigate.server_is_ready() and self._brake.reaches(s.navigate),
+            f"the action {s.spin}": self._spin.server_is_ready() and self._brake.reaches(s.spin),
         }
         return [name for name, is_there in present.items() if not is_there]
 

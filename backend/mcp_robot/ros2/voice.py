@@ -20,7 +20,7 @@ from backend.mcp_robot.refusal import Halted, Refusal
 from backend.mcp_robot.ros2.goals import SUCCEEDED, Goal
 from backend.mcp_robot.ros2.interfaces import Ros2Missing
 from backend.mcp_robot.ros2.link import RosLink
-from backend.mcp_robot.ros2.waiting import EVERY
+from backend.mcp_robot.ros2.waiting import EVERY, until
 
 PATIENCE = 3.0
 """A speech action may take so many times as long as the sentence would, and START seconds more."""
@@ -102,6 +102,7 @@ class TopicVoice:
 
     def __init__(self, link: RosLink, settings: Ros2, clock: Callable[[], float]) -> None:
         self._topic = settings.speech
+        self._answer_timeout = settings.answer_timeout
         self._clock = clock
         self._publisher = link.node.create_publisher(String, self._topic, 10) if self._topic else None
         self._hushed = asyncio.Event()  # set by hush, replaced when something is said
@@ -109,10 +110,16 @@ class TopicVoice:
 
     async def say(self, text: str, seconds: float) -> None:
         """Publish the text, and wait for as long as saying it takes."""
-        if self._publisher is None or not self._publisher.get_subscription_count():
-            where = f"on the topic {self._topic}" if self._topic else "no topic is set for it"
-            raise Refusal("no_voice", f"The robot has no voice: nobody listens, {where}.")
-        hushed = self._hushed = asyncio.Event()
+        if self._publisher is None:
+            raise Refusal("no_voice", "The robot has no voice: nobody listens, no topic is set for it.")
+        hushed, count = asyncio.Event(), self._publisher.get_subscription_count
+        self._hushed = hushed
+        # Nodes need a while to see each other: one that has just been started may be about to listen.
+        await until(lambda: hushed.is_set() or count(), self._answer_timeout)
+        if hushed.is_set():
+            raise Halted
+        if not count():
+            raise Refusal("no_voice", f"The robot has no voice: nobody listens, on the topic {self._topic}.")
         self._publisher.publish(String(data=text))
         end = self._clock() + seconds
         while self._clock() < end:
