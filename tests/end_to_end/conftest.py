@@ -60,6 +60,7 @@ def start(robot: Robot, *arguments: str) -> Up:
         wait_until(lambda: up.login_url, "the address of the dashboard", STARTS_S)
         # On a busy machine a ROS robot may take longer than `up` waits before it says what is missing.
         wait_until(lambda: listens(robot.robot_port), "the robot server", STARTS_S)
+        wait_until(lambda: listens(robot.agent_port), "the agent", STARTS_S)
     except BaseException:
         end(process, signal.SIGINT)  # nobody else knows of it yet
         raise
