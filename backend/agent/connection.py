@@ -129,6 +129,7 @@ class ClientConnection:
             try:
                 line = await wire.read_line(self._reader)
                 if line is None:
+                    await self._let_begin()
                     return None
                 frame = wire.check(line)
             except wire.BadFrame as bad:
@@ -154,6 +155,13 @@ class ClientConnection:
             self._dispatched.append(frame)
             return _with_wrapped_meta(frame.body)
         return None
+
+    async def _let_begin(self) -> None:
+        """Return when every handler has taken its first step: the end cancels them, and a cancel with which somebody
+        leaves has to reach its turn."""
+        while self._dispatched:
+            await asyncio.sleep(0)
+        await asyncio.sleep(0)
 
     def _withdraw(self, notification: wire.Frame) -> wire.Frame | None:
         """Cancel a request of the client, which is answered all the same. A prompt ends as its turn does, so for
