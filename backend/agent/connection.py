@@ -159,9 +159,8 @@ class ClientConnection:
     async def _let_begin(self) -> None:
         """Return when every handler has taken its first step: the end cancels them, and a cancel with which somebody
         leaves has to reach its turn."""
-        while self._dispatched:
+        for _ in ("the message", "its handler", "what that awaits first"):
             await asyncio.sleep(0)
-        await asyncio.sleep(0)
 
     def _withdraw(self, notification: wire.Frame) -> wire.Frame | None:
         """Cancel a request of the client, which is answered all the same. A prompt ends as its turn does, so for
