@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import time
 
 import pytest
 from websockets.exceptions import InvalidStatus
@@ -11,7 +10,7 @@ from websockets.exceptions import InvalidStatus
 from backend import tokens
 from backend.identity import Role
 from backend.telemetry import Picture, Pose
-from tests.bridge.scenes import SUBPROTOCOL
+from tests.bridge.scenes import PATIENCE, SUBPROTOCOL
 
 
 def picture(jpeg: bytes) -> Picture:
@@ -27,7 +26,7 @@ async def bridge(bridge_with, robot, wait_until):
 
 
 async def seen(camera) -> bytes:
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(PATIENCE):
         frame = await camera.recv()
     assert isinstance(frame, bytes)
     return frame
@@ -89,7 +88,5 @@ async def test_the_camera_wants_a_login_and_our_own_page(bridge):
 async def test_a_camera_whose_login_is_revoked_is_closed(bridge, robot, closing, wait_until):
     async with bridge.websocket("/camera", token=bridge.token(Role.VIEWER, "Vera")) as camera:
         tokens.revoke(bridge.settings.data_dir, "Vera")
-        began = time.monotonic()
         assert (await closing(camera))[0] == 4401
-        assert time.monotonic() - began < 2.0
     await wait_until(lambda: "camera" not in robot.asked[-1].channels)
