@@ -51,6 +51,7 @@ class RobotLink:
         self._silent = False
         self._news = asyncio.Condition()
         self._watchers: set[Watcher] = set()
+        self._stopping: set[asyncio.Task[dict[str, Any]]] = set()
 
     def watch(self, watcher: Watcher) -> Callable[[], None]:
         """Call `watcher` on each new state, and with None when the robot is lost; returns how to end that."""
@@ -143,8 +144,11 @@ class RobotLink:
         return state.time >= since and state.motion is None and state.twist.linear == 0 and state.twist.angular == 0
 
     async def stop(self, by: str) -> dict[str, Any]:
-        """Latch the stop in the robot server. Raises `RobotLinkError`."""
-        return await self._post("/stop", by)
+        """Latch the stop in the robot server, whatever becomes of the one who waits for it. Raises `RobotLinkError`."""
+        stopping = asyncio.create_task(self._post("/stop", by), name="stop")
+        self._stopping.add(stopping)
+        stopping.add_done_callback(self._stopping.discard)
+        return await asyncio.shield(stopping)
 
     async def release(self, by: str) -> dict[str, Any]:
         """Release the stop. Raises `RobotLinkError`."""

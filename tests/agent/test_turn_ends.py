@@ -8,6 +8,7 @@ from pathlib import Path
 import orjson
 import pytest
 
+from backend.agent.robot_link import RobotLink
 from backend.chat.link import RefusedError
 from backend.identity import Role
 from tests.agent.conftest import Opener, holds_the_robot
@@ -139,6 +140,19 @@ async def test_commands_run_without_the_model_under_the_same_policy(connect: Ope
     await client.prompt("/export")
     assert "takes no files" in client.said
     assert client.of("agent_thought_chunk") == []
+
+
+async def test_a_stop_is_made_although_whoever_asked_for_it_is_gone(robot: Robot) -> None:
+    bearer = robot.robot_headers["Authorization"].removeprefix("Bearer ")
+    link = RobotLink(f"http://127.0.0.1:{robot.robot_port}/mcp", bearer)
+    asked = asyncio.create_task(link.stop("Ana"))
+    await asyncio.sleep(0)
+    asked.cancel()
+    try:
+        async with robot.watched() as watched:
+            await watched.until(lambda: watched.state.stop, "the stop")
+    finally:
+        await link.release("Ana")
 
 
 async def test_motion_asks_where_the_session_wants_it(connect: Opener) -> None:
