@@ -110,6 +110,7 @@ class ClientConnection:
         sender = asyncio.create_task(self._send_outbox(), name=f"outbox {self.id}")
         try:
             await rpc.main_loop()
+            await self._let_begin()
         finally:
             for answer in self._answers.values():
                 if not answer.done():
@@ -129,7 +130,6 @@ class ClientConnection:
             try:
                 line = await wire.read_line(self._reader)
                 if line is None:
-                    await self._let_begin()
                     return None
                 frame = wire.check(line)
             except wire.BadFrame as bad:
