@@ -72,6 +72,8 @@ class Robot:
             "ROBOT_ACP_ROBOT__PORT": str(self.robot_port),
             "ROBOT_ACP_AGENT__PORT": str(self.agent_port),
             "ROBOT_ACP_BRIDGE__PORT": str(self.bridge_port),
+            # A machine that stands for seconds is no client that is silent: only tests of the watchdog look at that.
+            "ROBOT_ACP_ROBOT__LIMITS__CLIENT_SILENCE": "30",
             **self.environment,
         }
 
@@ -126,10 +128,15 @@ class Robot:
                 reader.cancel()
                 await asyncio.gather(reader, return_exceptions=True)
 
-    async def stands(self) -> bool:
-        """Whether it stands and has nothing to do: telemetry that begins only now cannot be late."""
+    async def state(self) -> telemetry.State:
+        """How it is now: telemetry that begins only now cannot be late."""
         async with self.watched() as now:
-            return now.state.motion is None and now.state.twist == telemetry.Twist(0.0, 0.0)
+            return now.state
+
+    async def stands(self) -> bool:
+        """Whether it stands and has nothing to do."""
+        now = await self.state()
+        return now.motion is None and now.twist == telemetry.Twist(0.0, 0.0)
 
 
 @dataclass

@@ -19,9 +19,10 @@ KEY = b"k" * 64
 
 
 def test_a_token_says_who_it_was_issued_to_until_it_expires():
+    before = time.time()
     who = verify(KEY, issue(KEY, "Ana", Role.OPERATOR, 60))
     assert (who.name, who.role) == ("Ana", Role.OPERATOR)
-    assert who.expires == pytest.approx(time.time() + 60, abs=2)
+    assert before + 59 <= who.expires <= time.time() + 60
     assert who.token_id
 
 
@@ -141,5 +142,5 @@ def test_processes_that_start_at_the_same_moment_agree_on_one_secret(tmp_path: P
         process.start()
     secrets = {results.get(timeout=30) for _ in processes}
     for process in processes:
-        process.join(10)
+        process.join(30)
     assert secrets == {(tmp_path / "data" / "x").read_bytes()}

@@ -110,6 +110,7 @@ class ClientConnection:
         sender = asyncio.create_task(self._send_outbox(), name=f"outbox {self.id}")
         try:
             await rpc.main_loop()
+            await self._let_begin()
         finally:
             for answer in self._answers.values():
                 if not answer.done():
@@ -154,6 +155,12 @@ class ClientConnection:
             self._dispatched.append(frame)
             return _with_wrapped_meta(frame.body)
         return None
+
+    async def _let_begin(self) -> None:
+        """Return when every handler has taken its first step: the end cancels them, and a cancel with which somebody
+        leaves has to reach its turn."""
+        for _ in ("the message", "its handler", "what that awaits first"):
+            await asyncio.sleep(0)
 
     def _withdraw(self, notification: wire.Frame) -> wire.Frame | None:
         """Cancel a request of the client, which is answered all the same. A prompt ends as its turn does, so for

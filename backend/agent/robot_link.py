@@ -9,7 +9,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Callable
+import math
+from collections.abc import AsyncIterator, Callable
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -29,6 +30,9 @@ STALE_S = 2.0
 """States come twenty times a second: after so long without one, the last says nothing of the robot any more."""
 PREVIEW_TIMEOUT_S = 1.0
 
+_BROKEN = (OSError, WebSocketException, msgspec.DecodeError)
+"""How a line ends."""
+
 Watcher = Callable[["telemetry.State | None"], None]
 
 
@@ -47,6 +51,7 @@ class RobotLink:
         self._silent = False
         self._news = asyncio.Condition()
         self._watchers: set[Watcher] = set()
+        self._stopping: set[asyncio.Task[dict[str, Any]]] = set()
 
     def watch(self, watcher: Watcher) -> Callable[[], None]:
         """Call `watcher` on each new state, and with None when the robot is lost; returns how to end that."""
@@ -57,17 +62,23 @@ class RobotLink:
         """Follow the robot until cancelled."""
         if self._base is None:
             return
-        url = self._base.replace("http", "ws", 1) + "/telemetry"
         while True:
-            with contextlib.suppress(OSError, WebSocketException, TimeoutError, msgspec.DecodeError):
-                async with connect(url, additional_headers=self._headers, max_size=2**26) as socket:
-                    await socket.send(telemetry.encode(telemetry.Subscribe(["state"], RATE_HZ)))
+            with contextlib.suppress(*_BROKEN, TimeoutError):
+                async with self._line(self._base) as socket:
                     while True:
                         await self._take(await self._next(socket))
             if self.state is not None:
                 log.warning("lost the robot's telemetry; trying again every %g s", RETRY_S)
             await self._set(None)
             await asyncio.sleep(RETRY_S)
+
+    @contextlib.asynccontextmanager
+    async def _line(self, base: str) -> AsyncIterator[ClientConnection]:
+        """A line of its own, on which the robot tells how it is."""
+        url = base.replace("http", "ws", 1) + "/telemetry"
+        async with connect(url, additional_headers=self._headers, max_size=2**26) as socket:
+            await socket.send(telemetry.encode(telemetry.Subscribe(["state"], RATE_HZ)))
+            yield socket
 
     async def _next(self, socket: ClientConnection) -> telemetry.AnyMessage:
         """The next message, however long it takes; the state at hand is forgotten when that is too long."""
@@ -95,12 +106,19 @@ class RobotLink:
             self._news.notify_all()
 
     async def anew(self) -> telemetry.State | None:
-        """The state as it is now: one that the robot told after this was asked."""
-        with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(STALE_S), self._news:
-                for _ in range(2):  # the next one may be on its way already
-                    await self._news.wait()
-        return self.state
+        """The state as it is now; None when the robot does not tell.
+
+        What comes next on the line that is followed can be older than the question: on a busy machine it has waited
+        there. On a line that begins only now nothing has.
+        """
+        with contextlib.suppress(*_BROKEN, TimeoutError):
+            if self._base is not None:
+                async with asyncio.timeout(STALE_S), self._line(self._base) as socket:
+                    while True:
+                        message = telemetry.decode(await socket.recv(decode=False))
+                        if isinstance(message, telemetry.State):
+                            return message
+        return None
 
     async def at_rest(self) -> None:
         """Return when the robot stands still and follows no goal; at once when there is no line to it.
@@ -108,23 +126,29 @@ class RobotLink:
         A robot that is silent on an open line is not at rest: it may drive on.
         """
         with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(REST_TIMEOUT_S), self._news:
+            async with asyncio.timeout(REST_TIMEOUT_S):
                 if self.state is None and not self._silent:
                     return
-                await self._news.wait()  # the state at hand is older than the question
-                await self._news.wait_for(self._resting)
+                now = await self.anew()
+                async with self._news:
+                    await self._news.wait()  # the state at hand is older than the question
+                    await self._news.wait_for(lambda: self._resting(now.time if now else -math.inf))
                 return
         log.error("the robot is not at rest %g s after the halt", REST_TIMEOUT_S)
 
-    def _resting(self) -> bool:
+    def _resting(self, since: float) -> bool:
+        """Whether it rests, as it told at a time of its own clock or later."""
         state = self.state
         if state is None:
             return not self._silent
-        return state.motion is None and state.twist.linear == 0 and state.twist.angular == 0
+        return state.time >= since and state.motion is None and state.twist.linear == 0 and state.twist.angular == 0
 
     async def stop(self, by: str) -> dict[str, Any]:
-        """Latch the stop in the robot server. Raises `RobotLinkError`."""
-        return await self._post("/stop", by)
+        """Latch the stop in the robot server, whatever becomes of the one who waits for it. Raises `RobotLinkError`."""
+        stopping = asyncio.create_task(self._post("/stop", by), name="stop")
+        self._stopping.add(stopping)
+        stopping.add_done_callback(self._stopping.discard)
+        return await asyncio.shield(stopping)
 
     async def release(self, by: str) -> dict[str, Any]:
         """Release the stop. Raises `RobotLinkError`."""

@@ -29,6 +29,8 @@ from backend.agent.policy import ToolTraits
 log = logging.getLogger(__name__)
 
 CONNECT_TIMEOUT_S = 5.0
+START_TIMEOUT_S = 30.0
+"""The same for a server that is a command: a busy computer takes its time to start one, and each try starts it anew."""
 PARTING_TIMEOUT_S = 5.0
 """How long a server may take to be left; then its connection ends without anybody who waits."""
 MAX_RESULT_BYTES = 12 * 1024 * 1024
@@ -122,6 +124,7 @@ class ToolServer:
 
     def __init__(self, url: str, headers: Mapping[str, str] | None = None, *, absent: str) -> None:
         self._url = url
+        self._command = url.removeprefix("stdio:") if url.startswith("stdio:") else None
         self._headers = dict(headers or {})
         self._absent = absent
         self._closed = False
@@ -199,7 +202,7 @@ class ToolServer:
         self._lost = asyncio.Event()
         self._owner = asyncio.create_task(self._own(ready, self._lost), name="mcp connection")
         try:
-            async with asyncio.timeout(CONNECT_TIMEOUT_S):
+            async with asyncio.timeout(START_TIMEOUT_S if self._command else CONNECT_TIMEOUT_S):
                 self._client = await asyncio.shield(ready)
         except BaseException as error:  # cancelled, too: the owner must not live on alone
             await self._drop()
@@ -224,8 +227,8 @@ class ToolServer:
 
     @contextlib.asynccontextmanager
     async def _transport(self) -> AsyncIterator[Any]:
-        if self._url.startswith("stdio:"):
-            command, *arguments = shlex.split(self._url.removeprefix("stdio:"))
+        if self._command:
+            command, *arguments = shlex.split(self._command)
             yield stdio_client(StdioServerParameters(command=command, args=arguments))
         else:
             async with create_mcp_http_client(headers=self._headers) as http:

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from contextlib import asynccontextmanager
 from typing import Any
 
 import pytest
 
 from tests.databases import database, impatient, postgres  # noqa: F401 - fixtures
-from tests.processes import Client, Robot
+from tests.processes import Client, Robot, eventually
 
 TIME_SCALE = "20"
+FAR = "go to lab 2.3.9 and then come back"
 
 
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
     """Robot server and agent at work."""
-    robot = Robot(tmp_path_factory.mktemp("data"), {"ROBOT_ACP_AGENT__PERMISSION_TIMEOUT": "2"})
+    robot = Robot(tmp_path_factory.mktemp("data"))
     with (
         robot.running("robot", "--time-scale", TIME_SCALE, port=robot.robot_port),
         robot.running("agent", port=robot.agent_port),
@@ -25,6 +28,25 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
 
 
 Opener = Callable[..., Awaitable[Client]]
+
+
+async def holds_the_robot(client: Client) -> asyncio.Task[str]:
+    """A turn in a session of the client's that has the robot until its question is answered, or it is cancelled."""
+    await client.new()
+    turn: asyncio.Task[str] = client.later(client.prompt("say hello"))
+    await eventually(lambda: client.questions, "the question")
+    return turn
+
+
+@asynccontextmanager
+async def client_of_an_impatient_agent(robot: Robot, **options: Any) -> AsyncIterator[Client]:
+    """A client with a session at an agent of its own, which waits for people half a second only."""
+    hasty = robot.with_another_agent({"ROBOT_ACP_AGENT__PERMISSION_TIMEOUT": "0.5"})
+    with hasty.running("agent", port=hasty.agent_port):
+        client = await Client.open(f"tcp://127.0.0.1:{hasty.agent_port}", **options)
+        await client.new()
+        yield client
+        await client.close()
 
 
 @pytest.fixture

@@ -29,7 +29,7 @@ AWAY_S = 0.5
 """After so long without anybody who may operate, the robot halts."""
 ANSWER_S = 1.0
 """After so long a question that nobody answers is a refusal."""
-SOON_S = 5.0
+SOON_S = PATIENCE_S
 """Far more than anything takes that has to happen at once, on a machine that does other work, too."""
 
 A_WHILE = 10

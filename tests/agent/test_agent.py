@@ -10,7 +10,7 @@ import pytest
 
 from backend.chat.link import LinkError, RefusedError
 from backend.identity import Role
-from tests.agent.conftest import Opener
+from tests.agent.conftest import Opener, client_of_an_impatient_agent
 from tests.processes import Client, Robot, eventually
 
 NOON = "Go to lab 2.3.7 and tell them that the meeting is at noon"
@@ -69,13 +69,12 @@ async def test_a_rejected_permission_is_a_refusal(robot: Robot, connect: Opener)
     assert failed["_meta"]["robot-acp/decision"] == {"by": "local", "option": "reject_once", "reason": "selected"}
 
 
-async def test_no_answer_in_time_is_a_refusal(connect: Opener) -> None:
-    client = await connect(answer=None)
-    await client.new()
-    await client.prompt("say hello")
-    assert "nobody answered in time" in client.said
-    withdrawn = [m for m in client.heard if m["method"] == "$/cancel_request"]
-    assert [m["params"]["requestId"] for m in withdrawn] == [client.questions[0]["id"]]
+async def test_no_answer_in_time_is_a_refusal(robot: Robot) -> None:
+    async with client_of_an_impatient_agent(robot, answer=None) as client:
+        await client.prompt("say hello")
+        assert "nobody answered in time" in client.said
+        withdrawn = [m for m in client.heard if m["method"] == "$/cancel_request"]
+        assert [m["params"]["requestId"] for m in withdrawn] == [client.questions[0]["id"]]
 
 
 async def test_nobody_who_may_approve_is_a_refusal(robot: Robot) -> None:
@@ -118,7 +117,7 @@ async def test_a_supervisor_who_comes_to_a_visitors_session_is_asked_and_the_vis
         await supervisor.decide("allow_once")
         assert await turn == "end_turn"
         assert watched.spoken == ["Hello."]
-    assert waiting() == [{"for": "permission", "timeout_s": 2.0}]
+    assert waiting() == [{"for": "permission", "timeout_s": 60.0}]
     assert visitor.questions == []
 
 
@@ -132,19 +131,6 @@ async def test_always_counts_for_the_rest_of_the_session_and_for_that_tool(conne
     await client.new()
     await client.prompt("say hello")
     assert len(client.questions) == 2
-
-
-async def test_cancel_halts_the_robot_before_the_prompt_answers(robot: Robot, connect: Opener) -> None:
-    client = await connect()
-    await client.new()
-    async with robot.watched() as watched:
-        turn = asyncio.create_task(client.prompt("go to lab 2.3.9"))
-        await watched.until(lambda: watched.speed > 0.3, "the robot to drive")
-        await client.cancel()
-        assert await turn == "cancelled"
-        assert await robot.stands()
-    assert set(ends(client.updates).values()) == {"completed", "failed"}
-    assert client.updates[-1]["_meta"]["robot-acp/turn"]["stopReason"] == "cancelled"
 
 
 async def test_cancel_withdraws_a_pending_permission(connect: Opener) -> None:
@@ -192,14 +178,15 @@ async def test_resume_gives_what_follows_an_event(connect: Opener) -> None:
 
 
 async def test_a_turn_goes_on_when_the_one_who_asked_is_gone(robot: Robot, connect: Opener) -> None:
-    asking, watching = await connect(), await connect()
+    asking, watching = await connect(answer=None), await connect(answer=None)
     session = await asking.new()
     await watching.load(session)
-    turn = asyncio.create_task(asking.prompt("turn left by 90 degrees and then say hello"))
-    await eventually(lambda: watching.of("tool_call"), "the first tool call")
+    turn = asyncio.create_task(asking.prompt("say hello"))
+    await eventually(lambda: watching.questions, "the question")
     await asking.close()
     with pytest.raises(LinkError):
         await turn
+    await watching.decide("allow_once")
     await eventually(lambda: "I said: “Hello.”" in watching.said, "the end of the turn")
 
 
@@ -287,11 +274,13 @@ async def test_stop_and_release_over_acp(robot: Robot, connect: Opener) -> None:
 async def test_telemetry_is_for_those_who_ask_for_it(connect: Opener) -> None:
     wants = {"_meta": {"robot-acp/telemetry": {"rate": 10}}}
     asking, silent = await connect(capabilities=wants), await connect()
-    await eventually(lambda: len(asking.heard) >= 3, "telemetry")
-    told = asking.heard[-1]
-    assert told["method"] == "_robot/telemetry"
-    assert told["params"]["online"] is True
-    assert told["params"]["battery"]["level"] > 0.5
+
+    def online() -> list[dict[str, Any]]:
+        return [told["params"] for told in asking.heard if told["params"]["online"]]
+
+    await eventually(lambda: len(online()) >= 3, "telemetry")
+    assert {told["method"] for told in asking.heard} == {"_robot/telemetry"}
+    assert online()[-1]["battery"]["level"] > 0.5
     assert silent.heard == []
 
 

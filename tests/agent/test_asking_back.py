@@ -67,17 +67,6 @@ async def test_cancelling_the_turn_withdraws_the_form(connect: Opener) -> None:
     assert {"requestId": form["id"]} in [m["params"] for m in client.heard if m["method"] == "$/cancel_request"]
 
 
-async def test_a_prompt_that_is_taken_back_is_cancelled_and_answered(robot: Robot, connect: Opener) -> None:
-    client = await connect()
-    await client.new()
-    async with robot.watched() as watched:
-        turn = client.later(client.prompt("go to lab 2.3.9"))
-        await watched.until(lambda: watched.speed > 0.3, "the robot to drive")
-        await client.link.notify("$/cancel_request", {"requestId": 3})  # initialize, session/new, session/prompt
-        assert await turn == "cancelled"
-        assert await robot.stands()
-
-
 async def test_any_other_request_that_is_taken_back_is_answered_once(robot: Robot) -> None:
     raw = await dial(robot)
     await raw.send(json.dumps(HELLO).encode())

@@ -30,9 +30,7 @@ from backend.chat.link import RefusedError
 from backend.config import Settings
 from backend.identity import Role
 from backend.tokens import Registry, create
-from tests.processes import Client, eventually, free_port
-
-SOON_S = 5.0
+from tests.processes import PATIENCE_S, Client, eventually, free_port
 
 
 class Reader(ClientConnection):
@@ -78,7 +76,7 @@ class Place:
 
     async def loads_end(self) -> None:
         self.may_go_on.set()
-        async with asyncio.timeout(SOON_S):
+        async with asyncio.timeout(PATIENCE_S):
             await asyncio.gather(*self.loads, return_exceptions=True)
 
     async def tell(self, session: Session, text: str) -> int:
@@ -189,7 +187,7 @@ async def test_one_who_leaves_a_replay_and_prompts_sees_what_comes_once_and_in_o
         later = await place.tell(place.long, "later")
         await place.loads_end()
         await place.client.cancel()
-        async with asyncio.timeout(SOON_S):
+        async with asyncio.timeout(PATIENCE_S):
             assert await turn == "cancelled"
         seen = place.seen(place.long)
         assert 2 not in seen, "the replay went on"
@@ -226,6 +224,6 @@ async def test_a_prompt_that_waits_for_no_replay_is_cancelled(tmp_path: Path) ->
         turn = place.client.later(place.client.prompt("go to the kitchen"))
         await place.client.link.request("session/list", {})  # the prompt is with the agent
         await place.client.cancel()
-        async with asyncio.timeout(SOON_S):
+        async with asyncio.timeout(PATIENCE_S):
             assert await turn == "cancelled"
         assert not place.other.busy

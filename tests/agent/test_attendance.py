@@ -7,11 +7,12 @@ from collections.abc import Iterator
 import pytest
 
 from backend.identity import Role
-from tests.agent.conftest import Opener
+from tests.agent.conftest import FAR, Opener
 from tests.processes import Client, Robot, Watched, eventually
 
 AWAY_S = 1.0
-FAR = "go to lab 2.3.9 and then come back"
+BACK_S = 10.0
+"""Long enough to be back in time on a slow machine."""
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +34,7 @@ async def test_the_robot_halts_when_the_only_operator_has_gone(robot: Robot, con
     async with robot.watched() as watched:
         await driving(operator, watched)
         await operator.close()
-        await watched.until(lambda: watched.speed == 0 and not watched.state.motion, "the robot at rest", 5)
+        await watched.until(lambda: watched.speed == 0 and not watched.state.motion, "the robot at rest")
     back = await connect()
     await back.load(session)
     stopped = "Nobody who may operate me is connected any more, so I stopped here."
@@ -48,7 +49,7 @@ async def test_somebody_who_only_watches_is_nobody(robot: Robot, connect: Opener
     async with robot.watched() as watched:
         await driving(operator, watched)
         await operator.close()
-        await watched.until(lambda: watched.speed == 0 and not watched.state.motion, "the robot at rest", 5)
+        await watched.until(lambda: watched.speed == 0 and not watched.state.motion, "the robot at rest")
     await eventually(lambda: "Nobody who may operate me" in viewer.said, "the reason")
 
 
@@ -60,24 +61,28 @@ async def test_a_visitor_drives_while_an_operator_looks_at_another_session(robot
         await driving(visitor, watched)
         begun = watched.states[-1][0]
         await watched.until(lambda: watched.states[-1][0] > begun + 2 * AWAY_S, "twice the time of grace")
-        assert watched.speed > 0.3
+        assert watched.state.motion
         await visitor.cancel()
         await watched.until(lambda: watched.speed == 0, "the robot at rest")
 
 
-async def test_one_who_is_back_in_time_finds_the_robot_driving(robot: Robot, connect: Opener) -> None:
-    operator = await connect()
-    session = await operator.new()
-    async with robot.watched() as watched:
-        await driving(operator, watched)
-        await operator.close()
-        back = await connect()
-        await back.load(session)
-        begun = watched.states[-1][0]
-        await watched.until(lambda: watched.states[-1][0] > begun + 2 * AWAY_S, "twice the time of grace")
-        assert watched.speed > 0.3
-        await back.cancel()
-        await watched.until(lambda: watched.speed == 0, "the robot at rest")
+async def test_one_who_is_back_in_time_finds_the_robot_driving(robot: Robot) -> None:
+    calm = robot.with_another_agent({"ROBOT_ACP_AGENT__UNATTENDED_AFTER": str(BACK_S)})
+    address = f"tcp://127.0.0.1:{calm.agent_port}"
+    with calm.running("agent", port=calm.agent_port):
+        operator = await Client.open(address)
+        session = await operator.new()
+        async with robot.watched() as watched:
+            await driving(operator, watched)
+            gone = watched.states[-1][0]
+            await operator.close()
+            back = await Client.open(address)
+            await back.load(session)
+            await watched.until(lambda: watched.states[-1][0] > gone + BACK_S + 2.0, "more than the time of grace")
+            assert watched.state.motion
+            await back.cancel()
+            await watched.until(lambda: watched.speed == 0, "the robot at rest")
+        await back.close()
 
 
 async def test_the_autonomous_mode_needs_nobody(robot: Robot, connect: Opener) -> None:
@@ -89,7 +94,7 @@ async def test_the_autonomous_mode_needs_nobody(robot: Robot, connect: Opener) -
         await operator.close()
         gone = watched.states[-1][0]
         await watched.until(lambda: watched.states[-1][0] > gone + 2 * AWAY_S, "twice the time of grace")
-        assert watched.speed > 0.3
+        assert watched.state.motion
     back = await connect()
     await back.load(session)
     await back.cancel()

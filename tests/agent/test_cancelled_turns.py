@@ -27,11 +27,10 @@ from backend.agent.tool_server import ServerUnavailable, Tool, ToolResult, ToolS
 from backend.agent.turn import Turn, Workbench
 from backend.identity import Identity, Role
 from backend.telemetry import Battery, Pose, State, Twist
-from tests.processes import eventually
+from tests.processes import PATIENCE_S, eventually
 
 ROW = SessionRow("s1", "Ana", None, "/", "supervised", model.OFFLINE_MODEL, None, 0.0, 0.0, thought=False)
 ANA = Identity("Ana", Role.SUPERVISOR)
-SOON_S = 3.0
 
 
 @pytest.fixture
@@ -73,7 +72,10 @@ class Clinging(ToolServer):
                 await self.let_go.wait()
 
 
-async def test_a_turn_that_takes_leave_of_a_broken_server_is_cancelled_all_the_same(session: Session) -> None:
+async def test_a_turn_that_takes_leave_of_a_broken_server_is_cancelled_all_the_same(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tool_server, "PARTING_TIMEOUT_S", 10 * PATIENCE_S)
     server = Clinging()
     went_on = False
 
@@ -87,7 +89,7 @@ async def test_a_turn_that_takes_leave_of_a_broken_server_is_cancelled_all_the_s
     turn = asyncio.create_task(session.run_turn(work))
     await eventually(server.asked_to_go.is_set, "the connection to be left")
     session.cancel()
-    done, _ = await asyncio.wait([turn], timeout=SOON_S)
+    done, _ = await asyncio.wait([turn], timeout=PATIENCE_S)
     server.let_go.set()
     assert done, "the turn cannot be cancelled"
     assert await turn == "cancelled"
@@ -97,7 +99,7 @@ async def test_a_turn_that_takes_leave_of_a_broken_server_is_cancelled_all_the_s
 async def test_a_server_that_does_not_take_leave_makes_nobody_wait_for_long(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tool_server, "PARTING_TIMEOUT_S", 0.05)
     server = Clinging()
-    async with asyncio.timeout(SOON_S):
+    async with asyncio.timeout(PATIENCE_S):
         with pytest.raises(ServerUnavailable):
             await server.call("grow_crystals", {})
     server.let_go.set()
@@ -125,7 +127,7 @@ async def test_a_cancel_that_something_swallowed_can_be_repeated(
     await asyncio.sleep(0)
     session.cancel()
     await eventually(swallowed.is_set, "the cancel to be lost")
-    await eventually(again, "the turn to end", SOON_S)
+    await eventually(again, "the turn to end")
     assert await turn == "cancelled"
 
 
@@ -142,7 +144,7 @@ async def test_closing_a_session_ends_a_turn_that_lost_its_cancel(
 
     turn = asyncio.create_task(session.run_turn(work))
     await eventually(lambda: session.busy, "the turn")
-    async with asyncio.timeout(SOON_S):
+    async with asyncio.timeout(PATIENCE_S):
         await session.close()
     assert await turn == "cancelled"
 
@@ -215,7 +217,7 @@ async def test_the_robot_is_given_on_at_rest_when_a_turn_fails_in_mid_motion(
             await link._set(at(0.0))
             await asyncio.sleep(0)
 
-    async with asyncio.timeout(SOON_S):
+    async with asyncio.timeout(PATIENCE_S):
         await rests()
     assert await turn == "end_turn"
     assert lease.holder is None

@@ -2,23 +2,36 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 from collections.abc import AsyncIterator, Iterator
 
 import pytest
 
+from backend import config
+from backend.agent import permissions, server
 from backend.identity import Role
-from tests.processes import Client, Robot, eventually
+from tests.processes import Client, Robot, eventually, listens
 
 
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
-    """A robot whose people have as long for an answer as they have by default."""
+    """The robot server; each test has the agent in its own process, and says for how long people are expected back."""
     robot = Robot(tmp_path_factory.mktemp("data"))
-    with (
-        robot.running("robot", "--time-scale", "20", port=robot.robot_port),
-        robot.running("agent", port=robot.agent_port),
-    ):
+    with robot.running("robot", "--time-scale", "20", port=robot.robot_port):
         yield robot
+
+
+@pytest.fixture
+async def agent(robot: Robot) -> AsyncIterator[None]:
+    """The agent at work."""
+    ports = {"robot": {"port": robot.robot_port}, "agent": {"port": robot.agent_port}}
+    serving = asyncio.create_task(server.serve(config.load(data_dir=robot.data, **ports)))
+    await eventually(lambda: listens(robot.agent_port), "the agent to answer")
+    yield
+    serving.cancel()
+    with contextlib.suppress(asyncio.CancelledError):
+        await serving
 
 
 async def page(robot: Robot, name: str, role: Role) -> Client:
@@ -29,7 +42,7 @@ async def page(robot: Robot, name: str, role: Role) -> Client:
 
 
 @pytest.fixture
-async def vera(robot: Robot) -> AsyncIterator[Client]:
+async def vera(robot: Robot, agent: None) -> AsyncIterator[Client]:
     """A visitor with a session of her own."""
     client = await page(robot, "Vera", Role.VISITOR)
     await client.new()
@@ -45,7 +58,10 @@ async def sue(robot: Robot, vera: Client) -> Client:
     return client
 
 
-async def test_whoever_loads_the_page_again_finds_the_question(robot: Robot, vera: Client, sue: Client) -> None:
+async def test_whoever_loads_the_page_again_finds_the_question(
+    robot: Robot, vera: Client, sue: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(permissions, "GRACE_S", 600.0)
     turn = vera.later(vera.prompt("say hello"))
     await eventually(lambda: sue.questions, "the question")
     await sue.close()
@@ -60,7 +76,10 @@ async def test_whoever_loads_the_page_again_finds_the_question(robot: Robot, ver
     await back.close()
 
 
-async def test_a_question_for_whoever_does_not_come_back_ends(vera: Client, sue: Client) -> None:
+async def test_a_question_for_whoever_does_not_come_back_ends(
+    vera: Client, sue: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(permissions, "GRACE_S", 0.05)
     turn = vera.later(vera.prompt("say hello"))
     await eventually(lambda: sue.questions, "the question")
     await sue.close()

@@ -11,9 +11,9 @@ import pytest
 from backend import wire
 from backend.agent import export
 from backend.agent.store import Event, SessionRow, Store, as_json
-from tests.agent.conftest import Opener
+from tests.agent.conftest import Opener, client_of_an_impatient_agent
 from tests.databases import Database
-from tests.processes import eventually
+from tests.processes import PATIENCE_S, Robot, eventually
 
 FILES = {"fs": {"writeTextFile": True}}
 
@@ -34,13 +34,12 @@ async def test_export_hands_the_log_to_a_client_that_takes_files(connect: Opener
     assert f"robot-acp-{client.session}.jsonl" in client.said
 
 
-async def test_a_client_that_never_answers_keeps_no_session_busy(connect: Opener) -> None:
-    client = await connect(capabilities=FILES)
-    await client.new()
-    async with asyncio.timeout(20):
-        assert await client.prompt("/export") == "end_turn"
-        assert await client.prompt("where are you?") == "end_turn"
-    assert "Your program did not write" in client.said
+async def test_a_client_that_never_answers_keeps_no_session_busy(robot: Robot) -> None:
+    async with client_of_an_impatient_agent(robot, capabilities=FILES) as client:
+        async with asyncio.timeout(PATIENCE_S):
+            assert await client.prompt("/export") == "end_turn"
+            assert await client.prompt("where are you?") == "end_turn"
+        assert "Your program did not write" in client.said
 
 
 async def test_the_log_is_not_handed_to_one_who_has_logged_out(connect: Opener) -> None:

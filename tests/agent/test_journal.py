@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Iterator
+from contextlib import AbstractContextManager, asynccontextmanager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,16 +20,24 @@ from backend.agent.sessions import Sessions
 from backend.agent.store import Event, SessionRow, Store
 from backend.agent.tool_server import ToolServer
 from tests.databases import Cluster, Database, SQLite
-from tests.processes import eventually
+from tests.processes import PATIENCE_S, eventually
 
 ROW = SessionRow("s1", "Ana", None, "/", "supervised", "offline/commands", None, 0.0, 0.0)
 
 
 @pytest.fixture(autouse=True)
-def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nobody waits for seconds here."""
+def calm(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A slow disk is no failure, and the next try comes soon."""
     monkeypatch.setattr(journal_module, "RETRY_S", 0.01)
-    monkeypatch.setattr(journal_module, "PATIENCE_S", 0.2)
+    monkeypatch.setattr(journal_module, "PATIENCE_S", PATIENCE_S)
+
+
+@contextmanager
+def hurried(trouble: AbstractContextManager[None]) -> Iterator[None]:
+    """While the database is in trouble, the journal loses patience soon."""
+    with pytest.MonkeyPatch.context() as patched, trouble:
+        patched.setattr(journal_module, "PATIENCE_S", 0.2)
+        yield
 
 
 @dataclass
@@ -92,7 +100,7 @@ async def test_what_could_not_be_written_is_shown_and_written_when_it_can_be(dat
     async with at_work(database) as work:
         work.tell("before")
         await work.session.flushed()
-        with database.away():
+        with hurried(database.away()):
             work.tell("one")
             work.tell("two")
             await work.session.flushed()
@@ -112,7 +120,7 @@ async def test_what_could_not_be_written_is_shown_and_written_when_it_can_be(dat
 
 async def test_a_write_that_hangs_hides_nothing_and_is_kept_once_whenever_it_ends(database: Database) -> None:
     async with at_work(database) as work:
-        with database.hanging():
+        with hurried(database.hanging()):
             work.tell("one")
             await eventually(lambda: not work.journal._unkept, "the write to be under way")
             work.tell("two")
@@ -139,7 +147,7 @@ async def test_a_replay_while_the_log_cannot_be_written_has_no_gap(tmp_path: Pat
 
         work.tell("before")
         await work.session.flushed()
-        with database.away():
+        with hurried(database.away()):
             work.tell("one")
             await eventually(lambda: work.journal.failure, "the failure")
             work.tell("two")
@@ -153,7 +161,7 @@ async def test_a_replay_while_the_log_cannot_be_written_has_no_gap(tmp_path: Pat
 
 async def test_changes_that_could_not_be_written_are_none_lost(database: Database) -> None:
     async with at_work(database) as work:
-        with database.away():
+        with hurried(database.away()):
             work.session.change(title="Tea", mode="observe")
             await eventually(lambda: work.journal.failure, "the failure")
             work.session.change(mode="plan")
@@ -164,8 +172,7 @@ async def test_changes_that_could_not_be_written_are_none_lost(database: Databas
         assert (found.title, found.mode) == ("Tea", "plan")
 
 
-async def test_a_flush_waits_for_what_was_before_it_alone(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(journal_module, "PATIENCE_S", 30.0)
+async def test_a_flush_waits_for_what_was_before_it_alone(database: Database) -> None:
     async with at_work(database) as work:
         with database.hanging():
             work.tell("before")
@@ -216,10 +223,7 @@ async def test_connections_that_the_server_ended_are_made_again_and_nobody_notic
             assert await work.kept() == ["0", "1", "2"]
 
 
-async def test_what_was_under_way_when_the_server_ended_the_connection_is_written_again(
-    postgres: Cluster, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(journal_module, "PATIENCE_S", 30.0)
+async def test_what_was_under_way_when_the_server_ended_the_connection_is_written_again(postgres: Cluster) -> None:
     with postgres.new_database() as database:
         async with at_work(database) as work:
             with database.hanging():

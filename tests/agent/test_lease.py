@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+from typing import Any
 
 import pytest
 
 from backend.agent.lease import Claim, Lease, SomebodyElse
 from backend.chat.link import RefusedError
 from backend.identity import Role
-from tests.agent.conftest import Opener
-from tests.processes import Robot, eventually
+from tests.agent.conftest import Opener, holds_the_robot
+from tests.processes import Client, Robot, eventually
 
 
 def claim(session_id: str, lost: list[str] | None = None) -> Claim:
@@ -76,59 +77,62 @@ def test_a_line_keeps_its_order_when_somebody_else_was_meant() -> None:
     assert lease.waiting == (b, c)
 
 
+def told_last(client: Client) -> dict[str, Any] | None:
+    """Whose turn the robot's is, as the client was told last."""
+    turns = [message["params"]["turn"] for message in client.heard if message["method"] == "_robot/telemetry"]
+    return turns[-1] if turns else None
+
+
 async def test_the_second_waits_with_a_reason_and_a_supervisor_takes_over(robot: Robot, connect: Opener) -> None:
-    ana, ben = await connect(robot.token("Ana", Role.OPERATOR)), await connect(robot.token("Ben", Role.OPERATOR))
+    ana = await connect(robot.token("Ana", Role.OPERATOR), answer=None)
+    ben = await connect(robot.token("Ben", Role.OPERATOR))
     asks = {"_meta": {"robot-acp/telemetry": {"rate": 10}}}
     sue = await connect(robot.token("Sue", Role.SUPERVISOR), capabilities=asks)
     vic = await connect(robot.token("Vic", Role.VISITOR), capabilities=asks)
-    held = await ana.new()
+    first = await holds_the_robot(ana)
     session = await ben.new()
-    async with robot.watched() as watched:
-        first = asyncio.create_task(ana.prompt("go to lab 2.3.9"))
-        await watched.until(lambda: watched.speed > 0.3, "the robot to drive")
-        second = asyncio.create_task(ben.prompt("turn left by 20 degrees"))
-        await eventually(lambda: any("which Ana has now" in str(u) for u in ben.updates), "the reason to wait")
-        line = {"sessionId": held, "by": "Ana", "queue": 1}
-        await eventually(lambda: vic.heard[-1].get("params", {}).get("turn") == line, "the line, as everybody is told")
-        line["waiting"] = [{"sessionId": session, "by": "Ben"}]
-        await eventually(lambda: sue.heard[-1].get("params", {}).get("turn") == line, "the line, with names")
-        with pytest.raises(RefusedError, match="may not take over"):
-            await ben.link.request("_robot/take_over", {"sessionId": session})
-        with pytest.raises(RefusedError, match="Ana has the robot now"):
-            await sue.link.request("_robot/take_over", {"sessionId": session, "from": session})
-        with pytest.raises(RefusedError, match="from must be the id of a session"):
-            await sue.link.request("_robot/take_over", {"sessionId": session, "from": 5})
-        took = await sue.link.request("_robot/take_over", {"sessionId": session, "from": held})
-        assert took["from"] == "Ana"
-        assert await first == "cancelled"
-        assert "Sue took the robot over" in ana.said
-        assert [m for u in ana.updates if (m := (u.get("_meta") or {}).get("robot-acp/taken_over"))] == [{"by": "Sue"}]
-        assert await second == "end_turn"
-        assert "I turned left by 20°." in ben.said
+    second = asyncio.create_task(ben.prompt("turn left by 20 degrees"))
+    await eventually(lambda: any("which Ana has now" in str(u) for u in ben.updates), "the reason to wait")
+    line = {"sessionId": ana.session, "by": "Ana", "queue": 1}
+    await eventually(lambda: told_last(vic) == line, "the line, as everybody is told")
+    line["waiting"] = [{"sessionId": session, "by": "Ben"}]
+    await eventually(lambda: told_last(sue) == line, "the line, with names")
+    with pytest.raises(RefusedError, match="may not take over"):
+        await ben.link.request("_robot/take_over", {"sessionId": session})
+    with pytest.raises(RefusedError, match="Ana has the robot now"):
+        await sue.link.request("_robot/take_over", {"sessionId": session, "from": session})
+    with pytest.raises(RefusedError, match="from must be the id of a session"):
+        await sue.link.request("_robot/take_over", {"sessionId": session, "from": 5})
+    took = await sue.link.request("_robot/take_over", {"sessionId": session, "from": ana.session})
+    assert took["from"] == "Ana"
+    assert await first == "cancelled"
+    assert "Sue took the robot over" in ana.said
+    assert [m for u in ana.updates if (m := (u.get("_meta") or {}).get("robot-acp/taken_over"))] == [{"by": "Sue"}]
+    assert await second == "end_turn"
+    assert "I turned left by 20°." in ben.said
 
 
 async def test_cancelling_one_who_waits_leaves_the_line_to_the_others(connect: Opener) -> None:
-    holding, waiting, last = await connect(), await connect(), await connect()
-    for client in (holding, waiting, last):
+    holding, waiting, last = await connect(answer=None), await connect(), await connect()
+    for client in (waiting, last):
         await client.new()
-    driving = asyncio.create_task(holding.prompt("go to the kitchen"))
-    await eventually(lambda: any(u.get("status") == "in_progress" for u in holding.updates), "the drive")
+    held = await holds_the_robot(holding)
     giving_up = asyncio.create_task(waiting.prompt("turn left by 20 degrees"))
     await eventually(lambda: "waiting for the robot" in str(waiting.updates), "the wait")
     turning = asyncio.create_task(last.prompt("turn left by 20 degrees"))
     await eventually(lambda: "waiting for the robot" in str(last.updates), "the wait")
     await waiting.cancel()
     assert await giving_up == "cancelled"
-    assert await driving == "end_turn"
+    await holding.decide("allow_once")
+    assert await held == "end_turn"
     assert await turning == "end_turn"
 
 
 async def test_looking_needs_no_lease(connect: Opener) -> None:
-    holding, looking = await connect(), await connect()
-    await holding.new()
+    holding, looking = await connect(answer=None), await connect()
     await looking.new()
-    driving = asyncio.create_task(holding.prompt("go to lab 2.3.1"))
-    await eventually(lambda: any(u.get("status") == "in_progress" for u in holding.updates), "the drive")
+    held = await holds_the_robot(holding)
     assert await looking.prompt("where are you?") == "end_turn"
-    assert not driving.done()
-    assert await driving == "end_turn"
+    assert not held.done()
+    await holding.decide("reject_once")
+    assert await held == "end_turn"

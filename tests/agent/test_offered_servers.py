@@ -25,7 +25,7 @@ from backend.agent.store import Store
 from backend.agent.tool_server import Tool, ToolServer
 from backend.chat.link import RefusedError
 from backend.identity import Role
-from tests.processes import Client, Robot, end, eventually, free_port, listens, wait_until
+from tests.processes import PATIENCE_S, Client, Robot, end, eventually, free_port, listens, wait_until
 
 HERE = Path(__file__).parent
 SECRET = "k-4711-do-not-show"
@@ -385,7 +385,7 @@ async def test_a_call_ends_with_the_connection_that_it_runs_on(lab: Lab) -> None
     call = asyncio.create_task(servers.call("lab__grow_crystals", {}))
     await eventually(lambda: lab.ran == ["grow_crystals"], "the call to arrive")
     await servers.close()
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(PATIENCE_S):
         result = await call
     assert result.failed
     assert result.text == "The MCP server lab does not answer."

@@ -5,6 +5,10 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import pytest
+
+from backend.agent import tool_server
+from backend.agent.tool_server import ToolServer
 from tests.processes import Client, Robot
 
 OTHER = Path(__file__).parent / "third_party_robot.py"
@@ -23,6 +27,15 @@ async def test_the_same_agent_drives_a_robot_that_shares_no_code_with_ours(tmp_p
         ]
         assert "I said: “Hello.” I am at x 1.0 m, y 2.0 m." in client.said
         await client.close()
+
+
+async def test_a_server_that_has_to_be_started_may_take_longer_than_one_that_runs(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(tool_server, "CONNECT_TIMEOUT_S", 0.01)
+    started = ToolServer(f"stdio:{sys.executable} {OTHER}", absent="There is no robot.")
+    assert set(await started.tools()) == {"say_something", "where_am_i"}
+    await started.close()
 
 
 async def test_what_it_may_not_do_the_other_robot_is_not_asked(tmp_path: Path) -> None:

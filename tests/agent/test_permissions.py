@@ -9,6 +9,7 @@ import pytest
 
 from backend.agent import permissions
 from backend.agent.permissions import Audience, PermissionDesk, Verdict, read_answer
+from tests.processes import PATIENCE_S
 
 CALL = {"toolCallId": "t1", "title": "Say aloud: “Hi.”"}
 
@@ -45,7 +46,7 @@ class Person:
 
 
 class Desk:
-    def __init__(self, *people: Person, timeout_s: float = 5.0, audience: Audience | None = None) -> None:
+    def __init__(self, *people: Person, timeout_s: float = 60.0, audience: Audience | None = None) -> None:
         self._tasks: list[asyncio.Task[None]] = []
         self.desk = PermissionDesk(timeout_s, self._spawn, audience)
         for person in people:
@@ -70,7 +71,7 @@ def ben() -> Person:
 
 
 async def asked(*people: Person) -> None:
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(PATIENCE_S):
         while any(person.asked is None for person in people):
             await asyncio.sleep(0)
 
@@ -117,7 +118,7 @@ async def test_the_first_answer_counts_and_the_others_see_the_question_withdrawn
     await asked(ana, ben)
     ben.says("reject_once")
     assert (await question).by == "Ben"
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(PATIENCE_S):
         while not ana.withdrawn:
             await asyncio.sleep(0)
 
@@ -156,7 +157,7 @@ async def test_nobody_to_ask_refuses_at_once() -> None:
 
 
 async def test_with_somebody_who_may_come_it_waits_and_asks_who_comes(ana: Person) -> None:
-    desk = PermissionDesk(5.0, asyncio.create_task, Audience(lambda: [ana]))
+    desk = PermissionDesk(60.0, asyncio.create_task, Audience(lambda: [ana]))
     question = asyncio.create_task(desk.ask("s1", CALL, "speech", "Visitor"))
     await asyncio.sleep(0)
     assert not question.done()
@@ -187,7 +188,7 @@ async def test_one_whose_answer_did_not_count_keeps_no_question_open(
     ana: Person, ben: Person, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(permissions, "GRACE_S", 0.05)
-    desk = Desk(ana, ben, timeout_s=60.0)
+    desk = Desk(ana, ben)
     question = desk.ask()
     await asked(ben)
     assert ben.asked is not None
@@ -228,7 +229,7 @@ async def test_one_who_is_expected_no_longer_is_so_at_no_desk(ana: Person, monke
     monkeypatch.setattr(permissions, "GRACE_S", 0.05)
     watching = [ana]
     audience = Audience(lambda: watching)
-    here, there = Desk(ana, audience=audience), Desk(audience=audience, timeout_s=60.0)
+    here, there = Desk(ana, audience=audience), Desk(audience=audience)
     question = there.ask()
     await asyncio.sleep(0)
     watching.clear()
@@ -295,7 +296,7 @@ async def test_one_who_opens_the_session_again_is_asked_again_and_refuses_nothin
     question = desk.ask()
     await asked(ana)
     desk.desk.detach(ana, returns=True)
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(PATIENCE_S):
         while not ana.withdrawn:
             await asyncio.sleep(0)
     ana.asked = None

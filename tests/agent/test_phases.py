@@ -10,7 +10,7 @@ import pytest
 
 from backend.agent.phases import PHASES, Phases, phase_of
 from backend.agent.policy import ToolTraits
-from tests.agent.conftest import Opener
+from tests.agent.conftest import Opener, holds_the_robot
 from tests.processes import Client, eventually
 
 NAMES = {*PHASES, "protocols", "total"}
@@ -119,17 +119,15 @@ async def test_the_phases_are_those_that_the_times_of_the_events_show(connect: O
 
 
 async def test_waiting_for_the_robot_is_told_as_such(connect: Opener) -> None:
-    holding, waiting = await connect(), await connect()
-    await holding.new()
+    holding, waiting = await connect(answer=None), await connect()
     await waiting.new()
-    first = holding.later(holding.prompt("go to lab 2.3.9 and then come back"))
-    await eventually(lambda: "in_progress" in [u.get("status") for u in holding.updates], "the drive")
+    first = await holds_the_robot(holding)
+    since = time.monotonic()
     second = waiting.later(waiting.prompt("turn left by 10 degrees"))
     await eventually(lambda: "waiting for the robot" in str(waiting.updates), "the wait")
-    since = time.monotonic()
     await holding.cancel()
     assert await first == "cancelled"
     assert await second == "end_turn"
     (told,) = phases_of(waiting)
-    assert 0 < told["waiting"] < time.monotonic() - since + 5
-    assert phases_of(holding)[0]["navigation"] > 0
+    assert 0 < told["waiting"] < time.monotonic() - since
+    assert phases_of(holding)[0]["person"] > 0

@@ -13,18 +13,23 @@ import pytest
 
 from backend.agent import preview
 from backend.agent.tool_server import ProgressCallback, ServerUnavailable, Tool, ToolResult, ToolServer
-from tests.agent.conftest import Opener
+from tests.agent.conftest import Opener, client_of_an_impatient_agent
 from tests.processes import Client, Robot, eventually
 
 DRIVE = Tool("navigate_to_place", "Drive", {}, "Drive", None, False, preview="plan_only")
 ACTING = Path(__file__).parent / "acting_robot.py"
 
 
+async def wish_for_questions(client: Client) -> None:
+    """Motion is to ask first in the client's session."""
+    wish = {"sessionId": client.session, "configId": "motion_asks", "type": "boolean", "value": True}
+    await client.link.request("session/set_config_option", wish)
+
+
 async def asking(client: Client) -> Client:
     """The client in a session in which motion asks first."""
     await client.new()
-    wish = {"sessionId": client.session, "configId": "motion_asks", "type": "boolean", "value": True}
-    await client.link.request("session/set_config_option", wish)
+    await wish_for_questions(client)
     return client
 
 
@@ -55,8 +60,10 @@ async def test_the_question_tells_how_far_it_is_and_the_robot_draws_the_way(robo
 async def test_what_people_allow_is_driven(robot: Robot, client: Client) -> None:
     client.answer = "allow_once"
     async with robot.watched() as watched:
+        start = watched.state.pose
         await client.prompt("go to the reception")
-        assert any(state.motion for _, state in watched.states)
+        there = (await robot.state()).pose
+        assert (there.x, there.y) != (start.x, start.y)
         await watched.until(lambda: watched.path and not watched.path.points, "the way to go")
     assert client.questions[0]["params"]["_meta"]["robot-acp/preview"]["path_length"] > 0
 
@@ -79,9 +86,11 @@ async def test_nobody_is_asked_while_the_stop_is_set(robot: Robot, connect: Open
 
     async with robot.watched() as watched:
         await client.link.request("_robot/stop", {})
-        await eventually(lambda: teller.heard and stopped(), "the agent to know of the stop")
-        await client.prompt(words)
-        await client.link.request("_robot/release", {})
+        try:
+            await eventually(lambda: teller.heard and stopped(), "the agent to know of the stop")
+            await client.prompt(words)
+        finally:
+            await client.link.request("_robot/release", {})
         assert watched.previews == 0
     assert client.questions == []
     (end,) = [u for u in client.of("tool_call_update") if u.get("status") == "failed"]
@@ -118,8 +127,9 @@ async def test_a_look_into_another_way_is_not_drawn_over_that_of_a_question(
         assert watched.previews == 1
 
 
-async def test_the_way_goes_with_the_question_that_nobody_answered(robot: Robot, client: Client) -> None:
-    async with robot.watched() as watched:
+async def test_the_way_goes_with_the_question_that_nobody_answered(robot: Robot) -> None:
+    async with robot.watched() as watched, client_of_an_impatient_agent(robot, answer=None) as client:
+        await wish_for_questions(client)
         await client.prompt("go to the kitchen")
         assert "nobody answered in time" in client.said
         assert watched.previews == 1

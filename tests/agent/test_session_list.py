@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from typing import Any
 
 import pytest
@@ -10,8 +9,8 @@ import pytest
 from backend.agent.sessions import PAGE
 from backend.chat.link import RefusedError
 from backend.identity import Role
-from tests.agent.conftest import Opener
-from tests.processes import Client, Robot, eventually
+from tests.agent.conftest import Opener, holds_the_robot
+from tests.processes import Client, Robot
 
 
 async def listed(client: Client, search: object = None) -> list[dict[str, Any]]:
@@ -66,17 +65,16 @@ async def test_what_is_found_comes_in_pages_too(robot: Robot, connect: Opener) -
 
 
 async def test_the_list_says_whose_a_session_is_and_which_one_works(robot: Robot, connect: Opener) -> None:
-    ana, ben = await connect(robot.token("Ana", Role.OPERATOR)), await connect(robot.token("Ben", Role.OPERATOR))
-    session = await ana.new()
-    driving = asyncio.create_task(ana.prompt("go to the kitchen"))
-    await eventually(lambda: any(u.get("status") == "in_progress" for u in ana.updates), "the drive")
+    ana = await connect(robot.token("Ana", Role.OPERATOR), answer=None)
+    ben = await connect(robot.token("Ben", Role.OPERATOR))
+    working = await holds_the_robot(ana)
 
     async def shown() -> dict[str, Any]:
-        return next(one["_meta"] for one in await listed(ben) if one["sessionId"] == session)
+        return next(one["_meta"] for one in await listed(ben) if one["sessionId"] == ana.session)
 
     during = await shown()
     await ana.cancel()
-    assert await driving == "cancelled"
+    assert await working == "cancelled"
     ended = next(turn for u in ana.updates if (turn := (u.get("_meta") or {}).get("robot-acp/turn")))
     assert during == {"robot-acp/owner": "Ana", "robot-acp/turn": {"id": ended["id"], "state": "running"}}
     assert await shown() == {"robot-acp/owner": "Ana"}

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import json
+import socket
 from typing import Any
 
 import pytest
+from acp.router import MessageRouter
 
+from backend.agent.connection import ClientConnection
 from tests.processes import PATIENCE_S, Robot
 
 HELLO = {"jsonrpc": "2.0", "id": 1, "method": "initialize", "params": {"protocolVersion": 1}}
@@ -83,6 +86,23 @@ async def test_a_bad_frame_gets_its_error_and_the_connection_lives(
     assert "Traceback" not in json.dumps(error)
     assert sorted(a["id"] for a in answers if "result" in a) == [1, 2]
     raw.writer.close()
+
+
+async def test_what_is_said_in_one_breath_with_leaving_is_begun() -> None:
+    ours, theirs = socket.socketpair()
+    _, writer = await asyncio.open_connection(sock=ours)
+    reader, router, begun = asyncio.StreamReader(), MessageRouter(), list[str]()
+
+    async def begin(name: str, _: object) -> None:
+        begun.append(name)
+
+    router.handle_extension_notification(begin)
+    said = [HELLO, *({"jsonrpc": "2.0", "method": f"_lab/{number}"} for number in range(3))]
+    reader.feed_data(b"".join(json.dumps(message).encode() + b"\n" for message in said))
+    reader.feed_eof()
+    await ClientConnection(reader, writer, local=True, max_outbox_bytes=2**20).serve(router)
+    assert begun == ["lab/0", "lab/1", "lab/2"]
+    theirs.close()
 
 
 async def test_meta_cannot_pose_as_a_parameter(robot: Robot) -> None:

@@ -24,10 +24,7 @@ from backend import config, tokens
 from backend.bridge import server
 from backend.config import Settings
 from backend.identity import Role
-from tests.bridge.scenes import TelemetryPeer, telemetry_peer
-
-PATIENCE = 30.0
-"""Seconds after which a condition that is waited for has failed; met ones take milliseconds."""
+from tests.bridge.scenes import PATIENCE, TelemetryPeer, telemetry_peer
 
 
 async def eventually(condition: Callable[[], object], seconds: float = PATIENCE) -> Any:

@@ -16,6 +16,9 @@ from websockets.asyncio.server import ServerConnection, serve
 from backend import telemetry
 from backend.telemetry import Battery, Map, Place, Pose, State, Twist
 
+PATIENCE = 30.0
+"""Seconds after which a condition that is waited for has failed; met ones take milliseconds."""
+
 SUBPROTOCOL = f"viser-v{viser.__version__}"
 
 CAMERA = {
@@ -67,7 +70,7 @@ def state(**changes) -> State:
 
 async def told(page: ClientConnection, kind: str) -> dict[str, Any]:
     """The next message of a kind that a page is sent, by viser or by the bridge."""
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(PATIENCE):
         while True:
             frame = await page.recv()
             assert isinstance(frame, bytes)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import time
 
 import pytest
 from websockets.exceptions import InvalidStatus
@@ -11,7 +10,7 @@ from websockets.exceptions import InvalidStatus
 from backend import tokens
 from backend.identity import Role
 from backend.telemetry import Picture, Pose
-from tests.bridge.scenes import SUBPROTOCOL
+from tests.bridge.scenes import PATIENCE, SUBPROTOCOL
 
 
 def picture(jpeg: bytes) -> Picture:
@@ -27,7 +26,7 @@ async def bridge(bridge_with, robot, wait_until):
 
 
 async def seen(camera) -> bytes:
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(PATIENCE):
         frame = await camera.recv()
     assert isinstance(frame, bytes)
     return frame
@@ -61,15 +60,15 @@ async def test_whoever_reads_slowly_gets_the_newest_picture_and_never_a_pile(bri
     big = 500_000
     async with bridge.websocket("/camera", max_queue=1) as slow, bridge.websocket("/camera") as quick:
         await wait_until(lambda: "camera" in robot.asked[-1].channels)
-        for number in range(200):
+        for number in range(100):
             await robot.send(picture(bytes([number]) * big))
             while (await seen(quick))[0] != number:
                 pass
         numbers = [(await seen(slow))[0]]
-        while numbers[-1] != 199:
+        while numbers[-1] != 99:
             numbers.append((await seen(slow))[0])
     assert numbers == sorted(numbers)
-    assert len(numbers) < 100
+    assert len(numbers) < 50
 
 
 async def test_the_camera_takes_no_messages(bridge, closing):
@@ -89,7 +88,5 @@ async def test_the_camera_wants_a_login_and_our_own_page(bridge):
 async def test_a_camera_whose_login_is_revoked_is_closed(bridge, robot, closing, wait_until):
     async with bridge.websocket("/camera", token=bridge.token(Role.VIEWER, "Vera")) as camera:
         tokens.revoke(bridge.settings.data_dir, "Vera")
-        began = time.monotonic()
         assert (await closing(camera))[0] == 4401
-        assert time.monotonic() - began < 2.0
     await wait_until(lambda: "camera" not in robot.asked[-1].channels)

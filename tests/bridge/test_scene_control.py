@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import time
 import uuid
 from contextlib import asynccontextmanager
 from typing import Any
@@ -18,7 +17,7 @@ from backend import tokens
 from backend.bridge.scene.camera import behind, fitting, overhead
 from backend.identity import Role
 from backend.telemetry import Pose
-from tests.bridge.scenes import CAMERA, MAP, POINTER, SUBPROTOCOL, state, told
+from tests.bridge.scenes import CAMERA, MAP, PATIENCE, POINTER, SUBPROTOCOL, state, told
 
 EXTENT = (0.0, 0.0, 4.0, 3.0)
 ASPECT = CAMERA["image_width"] / CAMERA["image_height"]
@@ -63,7 +62,7 @@ class Watcher:
 
 
 async def heard(control) -> dict[str, Any]:
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(PATIENCE):
         return json.loads(await control.recv())
 
 
@@ -264,9 +263,7 @@ async def test_control_and_its_post_want_a_login_and_our_own_page(bridge):
 async def test_a_control_whose_login_is_revoked_is_closed(bridge, closing):
     async with Watcher(bridge, Role.VIEWER, "Vera").control() as control:
         tokens.revoke(bridge.settings.data_dir, "Vera")
-        began = time.monotonic()
         assert (await closing(control))[0] == 4401
-        assert time.monotonic() - began < 2.0
 
 
 async def test_the_bridge_speaks_the_protocol_of_the_installed_viser(bridge):

@@ -13,6 +13,7 @@ import pytest
 
 from backend.bridge.upstream import agent_at
 from backend.config import ConfigError
+from tests.bridge.scenes import PATIENCE
 
 STDIO_AGENT = shlex.join([sys.executable, str(Path(__file__).with_name("stdio_agent.py"))])
 PING = b'{"jsonrpc":"2.0","method":"$/ping"}'
@@ -47,7 +48,7 @@ async def test_when_the_client_leaves_its_agent_connection_ends(bridge, agent, i
     async with bridge.websocket() as websocket:
         await websocket.send(initialize.decode())
         await agent.heard()
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(PATIENCE):
         await agent.left.wait()
 
 
@@ -87,7 +88,7 @@ async def test_a_child_that_ends_by_itself_ends_the_connection(bridge_with, init
 
 
 async def test_a_child_that_will_not_end_is_made_to(bridge_with, initialize, wait_until, monkeypatch):
-    monkeypatch.setattr("backend.bridge.upstream._GRACE_SECONDS", 0.2)
+    monkeypatch.setattr("backend.bridge.upstream._GRACE_SECONDS", 1.0)
     async with bridge_with(bridge={"agent": f"stdio:{STDIO_AGENT} --stubborn"}) as bridge:
         async with bridge.websocket() as websocket:
             await websocket.send(initialize.decode())

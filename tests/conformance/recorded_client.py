@@ -26,6 +26,10 @@ EVERYTHING = {
 """What this client says that it can."""
 
 
+LONG = ", then ".join(["go to lab 2.3.9", "go to the dock"] * 4)
+"""A prompt whose turn moves the robot for longer than anything takes that is to happen meanwhile."""
+
+
 class Refused(Exception):
     """The agent answered with an error."""
 

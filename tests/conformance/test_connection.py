@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from backend.identity import Role
 from tests.conformance.cases import NO_TERMINAL, UNKNOWN, shows
 from tests.conformance.conftest import Opener
-from tests.conformance.recorded_client import EVERYTHING, RecordedClient, Refused
+from tests.conformance.recorded_client import EVERYTHING, LONG, RecordedClient, Refused
 from tests.processes import Robot, eventually
 
 pytestmark = pytest.mark.asyncio(loop_scope="module")
@@ -75,8 +77,8 @@ async def test_logout(robot: Robot, client: RecordedClient) -> None:
 async def test_cancel_request_of_the_client(robot: Robot, client: RecordedClient) -> None:
     await client.new()
     async with robot.watched() as watched:
-        turn = client.later(client.prompt("turn left by 350 degrees"))
-        await watched.until(lambda: watched.state.twist.angular, "the robot to turn")
+        turn = client.later(client.prompt(LONG))
+        await watched.until(lambda: watched.speed, "the robot to drive")
         prompt = next(f for sender, f in client.log if sender == "client" and f.get("method") == "session/prompt")
         await client.notify("$/cancel_request", {"requestId": prompt["id"]})
         assert await turn == "cancelled"
@@ -115,9 +117,12 @@ async def test_terminals_never(client: RecordedClient) -> None:
 
 @shows("_robot/telemetry")
 async def test_robot_telemetry(client: RecordedClient) -> None:
-    await client.hear("_robot/telemetry", 3)
-    told = client.heard("_robot/telemetry")[-1]["params"]
-    assert (told["robot"], told["online"], told["turn"]) == ("Sancho", True, None)
+    def online() -> list[dict[str, Any]]:
+        return [frame["params"] for frame in client.heard("_robot/telemetry") if frame["params"]["online"]]
+
+    await eventually(lambda: len(online()) >= 3, "the robot's telemetry")
+    told = online()[-1]
+    assert (told["robot"], told["turn"]) == ("Sancho", None)
     assert set(told["pose"]) == {"x", "y", "yaw"}
 
 
@@ -155,9 +160,8 @@ async def test_robot_take_over(robot: Robot, client: RecordedClient) -> None:
     await client.new()
     first = client.session
     async with robot.watched() as watched:
-        dance = ", then ".join(["turn left by 350 degrees", "turn right by 350 degrees"] * 8)
-        driving = client.later(client.prompt(dance))
-        await watched.until(lambda: watched.state.twist.angular, "the robot to turn")
+        driving = client.later(client.prompt(LONG))
+        await watched.until(lambda: watched.speed, "the robot to drive")
         await client.new()
         waiting = client.later(client.prompt("turn right by 10 degrees"))
         await eventually(lambda: "waiting for the robot" in str(client.updates("tool_call_update")), "the wait")
@@ -195,6 +199,7 @@ async def test_robot_leave(client: RecordedClient) -> None:
     await client.of_session("session/set_mode", modeId="observe")
     assert client.updates("current_mode_update") == []
     await client.open_again("session/load")
+    await eventually(lambda: client.updates("current_mode_update"), "the change")
     assert [update["currentModeId"] for update in client.updates("current_mode_update")] == ["observe"]
 
 

@@ -2,12 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import pytest
 
 from backend.identity import Role
 from tests.conformance.papers_session import run_the_papers_session
 from tests.conformance.sdk_clients import PythonClient, TypeScriptInNode
 from tests.processes import Robot
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
+    """A robot that takes its time: the session has a cancel on the way."""
+    robot = Robot(tmp_path_factory.mktemp("data"))
+    with (
+        robot.running("robot", "--time-scale", "4", port=robot.robot_port),
+        robot.running("agent", port=robot.agent_port),
+        robot.running("bridge", port=robot.bridge_port),
+    ):
+        yield robot
 
 
 @pytest.mark.parametrize("sdk", [TypeScriptInNode, PythonClient])

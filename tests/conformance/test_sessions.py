@@ -7,7 +7,7 @@ import pytest
 from backend.agent.sessions import PAGE
 from backend.identity import Role
 from tests.conformance.cases import shows
-from tests.conformance.recorded_client import RecordedClient, Refused
+from tests.conformance.recorded_client import LONG, RecordedClient, Refused
 from tests.conformance.test_connection import INVALID_PARAMS, log_in
 from tests.processes import Robot, eventually
 
@@ -109,8 +109,8 @@ async def test_session_fork(client: RecordedClient) -> None:
 async def test_session_close(robot: Robot, client: RecordedClient) -> None:
     await client.new()
     async with robot.watched() as watched:
-        turn = client.later(client.prompt("turn left by 350 degrees"))
-        await watched.until(lambda: watched.state.twist.angular, "the robot to turn")
+        turn = client.later(client.prompt(LONG))
+        await watched.until(lambda: watched.speed, "the robot to drive")
         await client.of_session("session/close")
         assert await turn == "cancelled"
         assert await robot.stands()
@@ -144,7 +144,7 @@ async def change(client: RecordedClient, option: str, value: str | bool) -> None
     """Set an option; the answer and the update both tell the new value."""
     kind = {"type": "boolean"} if isinstance(value, bool) else {}
     answer = await client.of_session("session/set_config_option", configId=option, value=value, **kind)
-    await client.hear("session/update", 2)  # the commands, and this
+    await eventually(lambda: client.updates("config_option_update"), "the change")
     assert {o["id"]: o["currentValue"] for o in answer["configOptions"]}[option] == value
     assert answer["configOptions"] == client.updates("config_option_update")[-1]["configOptions"]
 

@@ -11,7 +11,7 @@ from PIL import Image
 
 from tests.conformance.cases import shows
 from tests.conformance.conftest import Opener
-from tests.conformance.recorded_client import RecordedClient, choose
+from tests.conformance.recorded_client import LONG, RecordedClient, choose
 from tests.processes import Robot
 
 pytestmark = pytest.mark.asyncio(loop_scope="module")
@@ -53,8 +53,8 @@ async def test_session_prompt_with_a_resource(client: RecordedClient) -> None:
 async def test_session_cancel(robot: Robot, client: RecordedClient) -> None:
     await client.new()
     async with robot.watched() as watched:
-        turn = client.later(client.prompt("turn left by 350 degrees"))
-        await watched.until(lambda: watched.state.twist.angular, "the robot to turn")
+        turn = client.later(client.prompt(LONG))
+        await watched.until(lambda: watched.speed, "the robot to drive")
         await client.notify("session/cancel", {"sessionId": client.session})
         assert await turn == "cancelled"
         assert await robot.stands()

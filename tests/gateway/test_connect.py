@@ -59,7 +59,8 @@ async def test_the_official_sdk_takes_it_for_a_local_agent(robot: Robot) -> None
     # The SDK gives the process a bare environment: all it knows is on its command line.
     address = f"ws://127.0.0.1:{robot.bridge_port}/acp"
     command = robot.command("connect", address, "--token", robot.token("Ana", Role.OPERATOR))
-    async with spawn_agent_process(editor, command[0], *command[1:]) as (agent, process):  # type: ignore[arg-type]
+    patiently = {"shutdown_timeout": PATIENCE_S}
+    async with spawn_agent_process(editor, *command, transport_kwargs=patiently) as (agent, process):  # type: ignore[arg-type]
         hello = await agent.initialize(PROTOCOL_VERSION, ClientCapabilities())
         assert hello.agent_capabilities is not None
         assert hello.agent_capabilities.load_session
