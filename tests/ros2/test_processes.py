@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.end_to_end.conftest import start
-from tests.processes import PATIENCE_S, Client, Robot, end, eventually, listens
+from tests.processes import PATIENCE_S, Client, Robot, end
 from tests.ros2_robots import VARIABLES, StandIns, free_domain
 
 
@@ -24,7 +24,6 @@ async def test_up_on_the_stand_in_serves_the_papers_first_prompt_over_tcp(tmp_pa
     stand_ins.share(tmp_path)
     up = start(Robot(tmp_path, dict(VARIABLES)), "--robot", "ros2", "--ros2-demo", "--time-scale", "4")
     try:
-        await eventually(lambda: listens(up.robot.agent_port), "the agent: the dashboard may be there before")
         async with asyncio.timeout(90):
             client = await Client.open(f"tcp://127.0.0.1:{up.robot.agent_port}")
             await client.new()
@@ -73,7 +72,9 @@ async def test_a_robot_of_an_older_distribution_is_driven_and_its_failure_told(
                     end(stand_in)  # and with it Nav2
                     result = await driving
             assert result.is_error
-            assert result.content[0].text.split(":")[0] in ("lost", "blind", "nav_unavailable", "nav_failed", "timeout")  # type: ignore[union-attr]
+            # With the patience of the tests it may count as having driven on, into what it saw last: blocked.
+            codes = ("lost", "blind", "blocked", "nav_unavailable", "nav_failed", "timeout")
+            assert result.content[0].text.split(":")[0] in codes  # type: ignore[union-attr]
     finally:
         end(stand_in)
 
