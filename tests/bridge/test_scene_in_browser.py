@@ -20,9 +20,10 @@ from tests.bridge.scenes import state
 
 ARGUMENTS = [
     "--no-sandbox",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
+    # As on a computer without a graphics card: the map is drawn in software, and the page is not drawn through it.
     "--enable-unsafe-swiftshader",
+    "--disable-gpu-rasterization",
+    "--disable-gpu-compositing",
     "--disable-background-networking",
 ]
 SECONDS = 30.0

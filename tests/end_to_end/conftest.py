@@ -19,9 +19,10 @@ from tests.processes import Robot, end, listens, wait_until
 
 CHROMIUM_FLAGS = [
     "--no-sandbox",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
+    # As on a computer without a graphics card: the map is drawn in software, and the page is not drawn through it.
     "--enable-unsafe-swiftshader",
+    "--disable-gpu-rasterization",
+    "--disable-gpu-compositing",
     "--disable-background-networking",
     "--disable-component-update",
 ]

@@ -30,6 +30,17 @@ beforeEach(() => {
 
 afterEach(() => vi.unstubAllGlobals());
 
+it("comes after the conversation, and without one where the agent is away", async () => {
+  const asked = vi.fn(answers);
+  answers = asked;
+  setState({ link: { status: "connecting", first: true } });
+  render(<Scene />);
+  await act(() => Promise.resolve());
+  expect(asked).not.toHaveBeenCalled();
+  tell(AWAY);
+  await screen.findByTitle("Live map with Robot");
+});
+
 it("is loaded again in its place when the network was away and is back", async () => {
   const frame = await shown();
   frame.focus();

@@ -27,12 +27,18 @@ export function Scene({ viewer }: { viewer?: string }) {
   );
 }
 
-/** Whether the scene answers; asked until it does, and once more after a cut. Null while nobody knows. */
+/**
+ * Whether the scene answers; asked until it does, and once more after a cut. Null while nobody knows. The conversation
+ * comes first: a page that has just been opened draws its map once it has tried to reach the agent.
+ */
 function useSceneThere(address: string, frame: RefObject<HTMLIFrameElement | null>): boolean | null {
   const [there, setThere] = useState<boolean | null>(null);
-  const online = useStore((state) => state.reachable);
+  const isDue = useStore(({ reachable, link }) => {
+    const opens = link.status === "off" || (link.status === "connecting" && link.first);
+    return reachable && !opens;
+  });
   useEffect(() => {
-    if (there === true || !online) return;
+    if (there === true || !isDue) return;
     let over = false;
     const ask = async (): Promise<void> => {
       const answer = await answers(address);
@@ -44,7 +50,7 @@ function useSceneThere(address: string, frame: RefObject<HTMLIFrameElement | nul
       over = true;
       clearInterval(timer);
     };
-  }, [address, there, online]);
+  }, [address, there, isDue]);
   useEffect(
     () =>
       onReturn(() => {
