@@ -42,8 +42,12 @@ ENDS = {"lab 2.3.9": (20.8, 4.0), "dock": (0.9, 3.1)}
 TURN_BACK = 4.0
 """It drives from one to the other, and turns back so many m before: it never arrives, and seldom has to turn."""
 DOMAIN = {"ROBOT_ACP_ROBOT__ROS2__DOMAIN_ID": "97", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-SETTINGS = {"ROBOT_ACP_ROBOT__LIMITS__MAX_MOTIONS_PER_MINUTE": "6000", "ROBOT_ACP_LOG_LEVEL": "error"}
-"""The rate limit is for people and models, not for two hundred halts in a row."""
+SETTINGS = {
+    "ROBOT_ACP_ROBOT__LIMITS__MAX_MOTIONS_PER_MINUTE": "6000",
+    "ROBOT_ACP_ROBOT__LIMITS__CLIENT_SILENCE": str(config.Limits().client_silence),
+    "ROBOT_ACP_LOG_LEVEL": "error",
+}
+"""The rate limit is for people and models, not for two hundred halts in a row; tests are more patient with silence."""
 
 
 @dataclass(frozen=True)

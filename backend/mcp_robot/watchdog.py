@@ -44,19 +44,22 @@ class Silence:
     def __init__(self, limit: float) -> None:
         self._limit = limit
         self._part = limit / LOOKS
-        self._seconds = 0.0  # grows while `end` runs
+        self._seconds = 0.0  # grows at each look
+        self._looked = asyncio.get_running_loop().time()
 
     def broken(self) -> None:
         """Somebody was heard: it begins anew."""
-        self._seconds = -self._part  # the part that runs now may be over soon
+        self._seconds = -self._since_look()
 
     async def end(self) -> None:
         """Return once it has lasted for its limit, of the time in which this process ran."""
-        loop = asyncio.get_running_loop()
-        while self._seconds < self._limit:
-            before = loop.time()
-            await asyncio.sleep(self._part)
-            self._seconds += min(loop.time() - before, 2 * self._part)
+        while (left := self._limit - self._seconds) > 0:
+            self._looked = asyncio.get_running_loop().time()
+            await asyncio.sleep(min(left, self._part))
+            self._seconds += self._since_look()
+
+    def _since_look(self) -> float:
+        return min(asyncio.get_running_loop().time() - self._looked, 2 * self._part)
 
 
 class Callers:
