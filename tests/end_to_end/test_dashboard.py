@@ -102,6 +102,22 @@ async def test_a_lost_connection_is_told_and_the_session_comes_back_as_it_was(up
         await expect(page.get_by_test_id("tool-card")).to_have_count(3)
 
 
+async def test_what_the_robot_said_can_be_heard(up: Up, open_plain: Opener) -> None:
+    page = await open_plain(login(up, "Sue", Role.SUPERVISOR))
+    await screens.new_session(page)
+    await screens.asked(page)
+    await screens.allowed(page)
+    card = page.get_by_test_id("tool-card").last
+    sound = card.locator("audio")
+    await expect(sound).to_have_js_property("paused", True)
+    await card.get_by_role("button", name="Play the sound").click()
+
+    async def heard() -> bool:
+        return bool(await sound.evaluate("audio => audio.ended && audio.currentTime > 0.5"))
+
+    await until(heard, "the sentence to be played to its end")
+
+
 async def test_a_reload_shows_the_session_as_it_was(up: Up, open_plain: Opener) -> None:
     page = await open_plain(login(up, "Sue", Role.SUPERVISOR))
     await ready(page)
