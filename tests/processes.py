@@ -25,6 +25,8 @@ from backend.identity import Role
 
 PATIENCE_S = 30.0
 """After so long a condition that is waited for has failed."""
+STARTS_S = 90.0
+"""The same for processes that begin: they load their libraries, several at once, beside other things."""
 
 
 _ports = itertools.cycle(random.sample(range(20_000, 32_000), 12_000))
@@ -88,7 +90,7 @@ class Robot:
     def running(self, *arguments: str, port: int) -> Iterator[subprocess.Popen[str]]:
         process = self.spawn(*arguments)
         try:
-            wait_until(lambda: listens(port), f"`robot-acp {' '.join(arguments)}` to answer")
+            wait_until(lambda: listens(port), f"`robot-acp {' '.join(arguments)}` to answer", STARTS_S)
             yield process
         finally:
             end(process)

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from playwright.async_api import Browser, Page, async_playwright, expect
 
-from tests.processes import Robot, end, listens, wait_until
+from tests.processes import STARTS_S, Robot, end, listens, wait_until
 
 CHROMIUM_FLAGS = [
     "--no-sandbox",
@@ -27,8 +27,6 @@ CHROMIUM_FLAGS = [
     "--disable-component-update",
 ]
 PATIENCE_MS = 30_000
-STARTS_S = 90.0
-"""Four processes load their libraries at once, on a machine that does other things, too."""
 EMPTY_MAP = "<!doctype html><html lang=en><title>map</title>"
 expect.set_options(timeout=PATIENCE_MS)
 
