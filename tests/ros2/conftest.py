@@ -72,11 +72,11 @@ def real_time(stand_ins: StandIns, interfaces: Path) -> Iterator[Setting]:
 
 
 @contextlib.asynccontextmanager
-async def node(domain: int) -> AsyncIterator[Any]:
+async def node(domain: int, name: str = "somebody_else") -> AsyncIterator[Any]:
     """Another ROS node on the same domain; entities are made inside, before its thread starts."""
     from backend.mcp_robot.ros2.link import RosLink
 
-    link = RosLink("somebody_else", domain)
+    link = RosLink(name, domain)
     try:
         yield link
     finally:

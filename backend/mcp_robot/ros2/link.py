@@ -52,6 +52,9 @@ class RosLink:
             logger.error("The ROS thread did not end within %.0f s.", JOIN_LIMIT)
             return
         self._executor.shutdown(timeout_sec=1.0)
+        # A node destroys all that it has but its actions, and those keep it in the graph until Python collects cycles.
+        for action in list(self.node.waitables):
+            action.destroy()
         self.node.destroy_node()
         self._context.try_shutdown()
 
