@@ -20,8 +20,12 @@ from playwright.async_api import Browser, Page, async_playwright
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT))
 
-from tests.end_to_end.conftest import CHROMIUM_FLAGS, Up, start  # noqa: E402
+from tests.end_to_end.conftest import Up, start  # noqa: E402
 from tests.processes import Robot, end  # noqa: E402
+
+FLAGS = ["--no-sandbox", "--enable-unsafe-swiftshader", "--disable-gpu-rasterization", "--disable-gpu-compositing"]
+"""The map is drawn in software, and the page is not drawn through it, as it is in the tests: that costs the page more
+than the map does. The tests can wait; and a phone's page that shows a driving robot stalls with these."""
 
 __all__ = ["ROOT", "Process", "Robot", "Up", "browser", "dashboard", "end", "machine", "percentile", "processes_of"]
 __all__ += ["report", "turn_over", "up"]
@@ -52,10 +56,10 @@ def machine() -> str:
 
 @asynccontextmanager
 async def browser() -> AsyncIterator[Browser]:
-    """Chromium as the tests start it."""
+    """Chromium on a computer without a graphics card."""
     chromium = os.environ.get("ROBOT_ACP_TEST_CHROMIUM") or shutil.which("chromium")
     async with async_playwright() as playwright:
-        opened = await playwright.chromium.launch(executable_path=chromium, args=CHROMIUM_FLAGS)
+        opened = await playwright.chromium.launch(executable_path=chromium, args=FLAGS)
         try:
             yield opened
         finally:

@@ -19,10 +19,9 @@ from tests.processes import STARTS_S, Robot, end, listens, wait_until
 
 CHROMIUM_FLAGS = [
     "--no-sandbox",
-    # As on a computer without a graphics card: the map is drawn in software, and the page is not drawn through it.
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
-    "--disable-gpu-rasterization",
-    "--disable-gpu-compositing",
     "--disable-background-networking",
     "--disable-component-update",
 ]
