@@ -95,6 +95,16 @@ class Robot:
         finally:
             end(process)
 
+    @contextlib.contextmanager
+    def at_work(self, *arguments: str, bridge: bool = True) -> Iterator[Robot]:
+        """The robot server with these arguments, the agent and, if wanted, the bridge run while the context lasts."""
+        with (
+            self.running("robot", *arguments, port=self.robot_port),
+            self.running("agent", port=self.agent_port),
+            self.running("bridge", port=self.bridge_port) if bridge else contextlib.nullcontext(),
+        ):
+            yield self
+
     def with_another_agent(self, environment: dict[str, str] | None = None) -> Robot:
         """The same robot server and data folder with an agent of its own: on another port, with another database."""
         port = free_port()

@@ -16,11 +16,7 @@ from tests.processes import PATIENCE_S, Client, Robot, Watched
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
     """A robot that takes its time, so that what comes in mid-drive comes in mid-drive on a slow machine, too."""
-    robot = Robot(tmp_path_factory.mktemp("data"))
-    with (
-        robot.running("robot", "--time-scale", "4", port=robot.robot_port),
-        robot.running("agent", port=robot.agent_port),
-    ):
+    with Robot(tmp_path_factory.mktemp("data")).at_work("--time-scale", "4", bridge=False) as robot:
         yield robot
 
 

@@ -23,12 +23,7 @@ from tests.processes import PATIENCE_S, Client, Robot, end, eventually
 
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
-    robot = Robot(tmp_path_factory.mktemp("data"))
-    with (
-        robot.running("robot", "--time-scale", "2", port=robot.robot_port),
-        robot.running("agent", port=robot.agent_port),
-        robot.running("bridge", port=robot.bridge_port),
-    ):
+    with Robot(tmp_path_factory.mktemp("data")).at_work("--time-scale", "2") as robot:
         yield robot
 
 

@@ -15,12 +15,7 @@ from tests.processes import Robot
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
     """A robot that takes its time: the session has a cancel on the way."""
-    robot = Robot(tmp_path_factory.mktemp("data"))
-    with (
-        robot.running("robot", "--time-scale", "4", port=robot.robot_port),
-        robot.running("agent", port=robot.agent_port),
-        robot.running("bridge", port=robot.bridge_port),
-    ):
+    with Robot(tmp_path_factory.mktemp("data")).at_work("--time-scale", "4") as robot:
         yield robot
 
 

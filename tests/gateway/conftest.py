@@ -12,12 +12,7 @@ from tests.processes import Robot
 @pytest.fixture(scope="session")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
     """All three at work."""
-    robot = Robot(tmp_path_factory.mktemp("data"))
-    with (
-        robot.running("robot", "--time-scale", "10", port=robot.robot_port),
-        robot.running("agent", port=robot.agent_port),
-        robot.running("bridge", port=robot.bridge_port),
-    ):
+    with Robot(tmp_path_factory.mktemp("data")).at_work("--time-scale", "10") as robot:
         yield robot
 
 
