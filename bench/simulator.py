@@ -1,4 +1,4 @@
-"""What the simulator costs: planning, a scan, a step; the server's share of a core; how fast simulated time runs.
+"""What the simulator costs: planning, a scan, a picture, a step; the server's share of a core; how fast time runs.
 
 Run `.venv/bin/python bench/simulator.py`. Times are CPU time of the process that does the work, so that other load
 counts little; only the simulated seconds of a wall second need a machine that is free. It judges nothing.
@@ -30,7 +30,7 @@ sys.path.insert(0, str(ROOT))
 from backend import telemetry  # noqa: E402
 from backend.config import Limits, Simulator  # noqa: E402
 from backend.mcp_robot import planner  # noqa: E402
-from backend.mcp_robot.simulator import world  # noqa: E402
+from backend.mcp_robot.simulator import camera, world  # noqa: E402
 from backend.mcp_robot.simulator.laser import Laser  # noqa: E402
 from backend.mcp_robot.simulator.simulation import PLANNING_RADIUS, Simulation  # noqa: E402
 from backend.mcp_robot.simulator.world import World  # noqa: E402
@@ -80,6 +80,18 @@ def scanning(building: World, rays: int, runs: int) -> None:
         laser.scan(Pose(x, y, 0.3), (), generator)
         took.append(time.process_time() - began)
     report(f"scan of {rays} rays, office", took)
+
+
+def photographing(building: World, name: str, runs: int) -> None:
+    """Pictures from random points, with four people about."""
+    generator = np.random.default_rng(4)
+    people = tuple(Pose(x, y, 0.0) for x, y in free_points(building, generator, 4))
+    took: list[float] = []
+    for x, y in free_points(building, generator, runs):
+        began = time.process_time()
+        camera.photograph(building, Pose(x, y, generator.uniform(-np.pi, np.pi)), people)
+        took.append(time.process_time() - began)
+    report(f"picture, {name}", took)
 
 
 def stepping(building: World, name: str, settings: Simulator) -> None:
@@ -148,15 +160,16 @@ async def _drive(robot: Robot) -> None:
                     await asyncio.sleep(1.0)
 
 
-async def share_of_a_core(rays: int, seconds: float, **settings: str) -> None:
+async def share_of_a_core(rays: int, seconds: float, *more: telemetry.Channel) -> None:
     """CPU of the whole robot server, laser and state to one reader at 20 Hz."""
-    async with driving(20.0, ["state", "scan"], simulator__laser_rays=str(rays), **settings) as session:
+    async with driving(20.0, ["state", "scan", *more], simulator__laser_rays=str(rays)) as session:
         await asyncio.sleep(3.0)
         began, used, count = time.monotonic(), session.cpu(), len(session.states)
         await asyncio.sleep(seconds)
         wall = time.monotonic() - began
         rate = (len(session.states) - count) / wall
-        print(f"robot server, office, {rays} rays to a reader at {rate:.1f} Hz, driving: ", end="")
+        also = "".join(f" and {channel}" for channel in more)
+        print(f"robot server, office, {rays} rays{also} to a reader at {rate:.1f} Hz, driving: ", end="")
         print(f"{(session.cpu() - used) / wall:.1%} of a core")
 
 
@@ -185,10 +198,13 @@ def main() -> None:
     planning(hospital, "hospital", options.n, obstacles=60)
     for rays in (360, 720):
         scanning(office, rays, options.n)
+    photographing(office, "office", options.n)
+    photographing(hospital, "hospital", options.n)
     stepping(office, "office", Simulator())
     stepping(office, "office, 4 people, noise and slip", Simulator(people=4, localisation_noise=0.03, wheel_slip=0.1))
     stepping(hospital, "hospital, 10 people", Simulator(people=10))
     asyncio.run(share_of_a_core(720, options.seconds))
+    asyncio.run(share_of_a_core(720, options.seconds, "camera"))
     for people in (0, 4):
         asyncio.run(time_scale(20.0, options.seconds, people))
 

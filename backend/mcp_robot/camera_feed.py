@@ -1,6 +1,7 @@
 """The camera as telemetry: one picture after the other while somebody looks, and none while nobody does.
 
-A picture is taken once for all who look. A camera that fails is asked again later; it never disturbs anything else.
+A picture is taken once for all who look, and told only when it is another one, or to say that nothing has changed. A
+camera that fails is asked again later; it never disturbs anything else.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ log = logging.getLogger(__name__)
 
 RATE = 5.0
 """Pictures a second, at most."""
+STILL = 1.0
+"""Seconds after which the same picture is told again: whoever looks must see that it is not an old one."""
 RETRY = 1.0
 """Seconds after which a camera that failed is asked again."""
 
@@ -48,6 +51,7 @@ class CameraFeed:
     async def _run(self) -> None:
         loop = asyncio.get_running_loop()
         failing = False
+        told, again = b"", 0.0  # the last picture, and when it is due again
         while True:
             due = loop.time() + 1 / RATE
             try:
@@ -58,12 +62,14 @@ class CameraFeed:
                     why = error.code if isinstance(error, Refusal) else type(error).__name__
                     log.warning("The camera shows nothing (%s); trying again every %g s.", why, RETRY)
                 failing = True
-                self.latest = None
+                told, self.latest = b"", None
                 due = loop.time() + RETRY
             else:
                 failing = False
-                self.latest = telemetry.encode(
-                    telemetry.Picture(time, picture.pose, picture.width, picture.height, picture.jpeg)
-                )
-                self._changed()
+                if picture.jpeg != told or loop.time() >= again:
+                    told, again = picture.jpeg, loop.time() + STILL
+                    self.latest = telemetry.encode(
+                        telemetry.Picture(time, picture.pose, picture.width, picture.height, picture.jpeg)
+                    )
+                    self._changed()
             await asyncio.sleep(max(0.0, due - loop.time()))

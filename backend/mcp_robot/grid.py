@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +23,8 @@ CLEARANCE_CAP = 3.0
 """Distances are exact up to this many metres; beyond, nothing needs them."""
 
 Floats = npt.NDArray[np.float64]
+Floats32 = npt.NDArray[np.float32]
+Real = TypeVar("Real", np.float32, np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +81,8 @@ class OccupancyGrid:
         high = item(row + 1, column) * (1 - a) + item(row + 1, column + 1) * a
         return float(low * (1 - b) + high * b) - self._half_diagonal
 
-    def clearances(self, points: Floats) -> Floats:
-        """`clearance` of many points, shape (n, 2) -> (n,)."""
+    def clearances(self, points: npt.NDArray[Real]) -> npt.NDArray[Real]:
+        """`clearance` of many points, shape (n, 2) -> (n,), as precise as they are."""
         u = (points[:, 0] - self.origin_x) / self.resolution - 0.5
         v = (points[:, 1] - self.origin_y) / self.resolution - 0.5
         column = np.floor(u).astype(np.intp)
@@ -91,7 +94,7 @@ class OccupancyGrid:
         d = self.distance
         low = d[row, column] * (1 - a) + d[row, column + 1] * a
         high = d[row + 1, column] * (1 - a) + d[row + 1, column + 1] * a
-        result: Floats = np.where(inside, low * (1 - b) + high * b - self._half_diagonal, 0.0)
+        result: npt.NDArray[Real] = np.where(inside, low * (1 - b) + high * b - self._half_diagonal, 0.0)
         return result
 
     def with_occupied(self, points: Floats) -> OccupancyGrid:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import threading
 from pathlib import Path
 
@@ -40,6 +41,29 @@ async def test_a_camera_that_fails_is_asked_again(
     assert robot.asked >= 3
     feed.look_away(somebody)
     assert feed.latest is None
+
+
+@pytest.mark.parametrize(("still", "told"), [(math.inf, 1), (0.0, 4)])
+async def test_what_looks_the_same_is_told_again_only_now_and_then(
+    office: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, still: float, told: int
+) -> None:
+    monkeypatch.setattr(camera_feed, "RATE", 100.0)
+    monkeypatch.setattr(camera_feed, "STILL", still)
+    seen: list[bytes] = []
+
+    class Still(SimulatedRobot):
+        shots = 0
+
+        async def photo(self) -> Picture:
+            self.shots += 1
+            return Picture(b"same" if self.shots < 5 else b"else", 640, 480, self.simulation.believed)
+
+    robot = Still(office, Limits())
+    feed = CameraFeed(Pilot(robot, StopLatch(tmp_path), Limits()), lambda: seen.append(feed.latest or b""))
+    feed.look(somebody := object())
+    await eventually(lambda: any(b"else" in frame for frame in seen), "the other picture")
+    feed.look_away(somebody)
+    assert sum(b"same" in frame for frame in seen) == told
 
 
 async def test_pictures_that_are_asked_for_together_are_drawn_by_one_thread(office: World) -> None:

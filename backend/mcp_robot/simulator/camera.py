@@ -10,12 +10,13 @@ from __future__ import annotations
 import io
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
-from backend.mcp_robot.grid import Floats
+from backend.mcp_robot.grid import Floats32
 from backend.mcp_robot.simulator import figures, materials, shades
 from backend.mcp_robot.simulator.world import Sign, World
 from backend.telemetry import Pose
@@ -34,24 +35,19 @@ Indices = npt.NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class Rays:
-    """What the rays of all columns meet: arrays of shape (samples, columns), nearest first.
+    """What the rays of all columns meet at each of `_DEPTHS`: arrays of shape (samples, columns), nearest first."""
 
-    `depth` is measured along the optical axis, shape (samples,), so that straight walls stay straight.
-    """
-
-    depth: Floats
-    x: Floats
-    y: Floats
     shade: npt.NDArray[np.uint8]
-    height: Floats
+    height: Floats32
 
 
+@lru_cache(maxsize=1)  # a robot at rest sees the same five times a second
 def photograph(world: World, pose: Pose, people: tuple[Pose, ...] = ()) -> bytes:
     """The picture from `pose` as JPEG; `people` are where they stand and look."""
     rays = _follow_rays(world, pose)
     distance, sample, kind = _nearest(rays)
     pixels = materials.paint(world, _surface(pose, rays, distance, sample, kind))
-    image = Image.fromarray(pixels)
+    image = Image.fromarray(pixels.reshape(HEIGHT, WIDTH, 3))
     _hang_signs(image, world.signs, pose, distance)
     _show_people(image, people, pose, distance)
     buffer = io.BytesIO()
@@ -59,88 +55,105 @@ def photograph(world: World, pose: Pose, people: tuple[Pose, ...] = ()) -> bytes
     return buffer.getvalue()
 
 
-def _depths() -> Floats:
-    """Sampling distances: every 2 cm near, every 0.8 % farther away, which is below a pixel."""
+def _depths() -> Floats32:
+    """Sampling distances: every 2 cm near, every 0.8 % farther away, which is below a pixel.
+
+    They are measured along the optical axis, so that straight walls stay straight.
+    """
     depths = [NEAREST]
     while depths[-1] < FARTHEST:
         depths.append(depths[-1] + max(0.02, depths[-1] * 0.008))
-    return np.array(depths)
+    return np.array(depths, dtype=np.float32)
 
 
 _DEPTHS = _depths()
-_SIDEWAYS = (WIDTH / 2 - np.arange(WIDTH) - 0.5) / FOCAL
-_ROWS = np.arange(HEIGHT) + 0.5
-_RISE = (HORIZON - _ROWS) / FOCAL
+_SIDEWAYS: Floats32 = ((WIDTH / 2 - np.arange(WIDTH) - 0.5) / FOCAL).astype(np.float32)
+_RISE: Floats32 = ((HORIZON - np.arange(HEIGHT) - 0.5) / FOCAL).astype(np.float32)
 """Metres up for each metre of depth, one per row."""
+
+
+def _directions(pose: Pose) -> tuple[Floats32, Floats32]:
+    """Where the ray of each column goes in the map frame, a metre along the optical axis."""
+    forward, left = math.cos(pose.yaw), math.sin(pose.yaw)
+    return forward - left * _SIDEWAYS, left + forward * _SIDEWAYS
 
 
 def _follow_rays(world: World, pose: Pose) -> Rays:
     grid = world.grid
-    forward = (math.cos(pose.yaw), math.sin(pose.yaw))
-    x = pose.x + np.outer(_DEPTHS, forward[0] - forward[1] * _SIDEWAYS)
-    y = pose.y + np.outer(_DEPTHS, forward[1] + forward[0] * _SIDEWAYS)
-    column = np.floor((x - grid.origin_x) / grid.resolution).astype(np.intp)
-    row = np.floor((y - grid.origin_y) / grid.resolution).astype(np.intp)
+    dx, dy = _directions(pose)
+    column = np.floor((np.outer(_DEPTHS, dx) + (pose.x - grid.origin_x)) / grid.resolution).astype(np.intp)
+    row = np.floor((np.outer(_DEPTHS, dy) + (pose.y - grid.origin_y)) / grid.resolution).astype(np.intp)
     outside = (column < 0) | (column >= grid.width) | (row < 0) | (row >= grid.height)
     shade = world.shades[np.clip(row, 0, grid.height - 1), np.clip(column, 0, grid.width - 1)]
     shade = np.where(outside, np.uint8(shades.UNKNOWN), shade)
-    return Rays(_DEPTHS, x, y, shade, materials.HEIGHTS[shade])
+    return Rays(shade, materials.HEIGHTS.take(shade))
 
 
-def _nearest(rays: Rays) -> tuple[Floats, Indices, npt.NDArray[np.uint8]]:
+def _nearest(rays: Rays) -> tuple[Floats32, Indices, npt.NDArray[np.uint8]]:
     """For every pixel: depth, sample on its column's ray, and which kind of surface; shape (HEIGHT, WIDTH)."""
-    samples = len(rays.depth)
-    top = HORIZON + FOCAL * (EYE - rays.height) / rays.depth[:, None]
+    samples = len(_DEPTHS)
+    top = HORIZON + FOCAL * (EYE - rays.height) / _DEPTHS[:, None]
     above = np.minimum.accumulate(top, axis=0)
     # How many samples of a column stay below a row is the index of the first that does not: counted by histogram.
     first_row = np.clip(np.ceil(above - 0.5), 0, HEIGHT).astype(np.intp)
     flat = first_row * WIDTH + np.arange(WIDTH)
     counts = np.bincount(flat.ravel(), minlength=(HEIGHT + 1) * WIDTH).reshape(HEIGHT + 1, WIDTH)
     sample: Indices = np.cumsum(counts[::-1], axis=0)[::-1][1:]
-    depth = np.append(rays.depth, np.inf)
+    depth = np.append(_DEPTHS, np.float32(np.inf))
     distance = depth[np.minimum(sample, samples)]
     kind = np.full(distance.shape, materials.SOLID, dtype=np.uint8)
 
-    with np.errstate(divide="ignore"):
-        floor = np.where(_RISE < 0, EYE / -_RISE, np.inf)[:, None]
-        ceiling = np.where(_RISE > 0, (shades.CEILING_HEIGHT - EYE) / _RISE, np.inf)[:, None]
-        under_lintel = np.where(_RISE > 0, (shades.LINTEL_HEIGHT - EYE) / _RISE, np.inf)
-    door = np.where(rays.shade == shades.DOORWAY, np.arange(samples)[:, None], samples)
-    next_door = np.append(np.minimum.accumulate(door[::-1], axis=0)[::-1], np.full((1, WIDTH), samples), axis=0)
-    lintel = next_door[np.searchsorted(rays.depth, under_lintel)]
-    lintel_depth = depth[lintel]
-    for surface, far in ((materials.LINTEL, lintel_depth), (materials.CEILING, ceiling), (materials.FLOOR, floor)):
+    number = np.arange(samples + 1, dtype=np.int16)[:, None]
+    door = np.full((samples + 1, WIDTH), samples, dtype=np.int16)
+    door[:-1] = np.where(rays.shade == shades.DOORWAY, number[:-1], number[-1])
+    next_door = np.minimum.accumulate(door[::-1], axis=0)[::-1]
+    lintel = next_door[np.searchsorted(_DEPTHS, _up_to(shades.LINTEL_HEIGHT))]
+    ceiling, floor = _up_to(shades.CEILING_HEIGHT)[:, None], _up_to(0.0)[:, None]
+    for surface, far, at in (
+        (materials.LINTEL, depth[lintel], lintel),
+        (materials.CEILING, ceiling, np.searchsorted(_DEPTHS, ceiling)),
+        (materials.FLOOR, floor, np.searchsorted(_DEPTHS, floor)),
+    ):
         nearer = far < distance
         distance = np.where(nearer, far, distance)
+        sample = np.where(nearer, at, sample)
         kind[nearer] = surface
-    sample = np.where(kind == materials.SOLID, sample, np.searchsorted(rays.depth, distance))
     return np.minimum(distance, FARTHEST), np.minimum(sample, samples - 1), kind
 
 
+def _up_to(height: float) -> Floats32:
+    """The depth at which each row reaches a height, in m; infinite where it never does."""
+    with np.errstate(divide="ignore"):
+        depth = (height - EYE) / _RISE
+    result: Floats32 = np.where(depth > 0, depth, np.float32(np.inf))
+    return result
+
+
 def _surface(
-    pose: Pose, rays: Rays, distance: Floats, sample: Indices, kind: npt.NDArray[np.uint8]
+    pose: Pose, rays: Rays, distance: Floats32, sample: Indices, kind: npt.NDArray[np.uint8]
 ) -> materials.Surface:
     columns = np.arange(WIDTH)
-    before = np.maximum(sample - 1, 0)
+    here = sample * WIDTH + columns
+    before = np.where(sample > 0, here - WIDTH, here)
     # A wall is painted as its room is: by the last floor that the ray crossed, whatever furniture stands there.
-    on_floor = np.where(rays.height == 0.0, np.arange(len(rays.depth))[:, None], 0)
-    floor_before = np.maximum.accumulate(on_floor, axis=0)[before, columns]
-    forward = (math.cos(pose.yaw), math.sin(pose.yaw))
-    dx, dy = forward[0] - forward[1] * _SIDEWAYS, forward[1] + forward[0] * _SIDEWAYS
+    on_floor = np.where(rays.height == 0.0, np.arange(len(_DEPTHS), dtype=np.int16)[:, None], np.int16(0))
+    last_floor = np.maximum.accumulate(on_floor, axis=0)
+    floor_before = last_floor.take(before) * np.intp(WIDTH) + columns
+    dx, dy = _directions(pose)
     return materials.Surface(
-        kind=kind,
-        x=pose.x + distance * dx,
-        y=pose.y + distance * dy,
-        z=EYE + distance * _RISE[:, None],
-        direction_x=np.broadcast_to(dx, distance.shape),
-        distance=distance,
-        shade=rays.shade[sample, columns],
-        floor_before=rays.shade[floor_before, columns],
-        is_top=rays.height[before, columns] >= rays.height[sample, columns],
+        kind=kind.ravel(),
+        x=(distance * dx + np.float32(pose.x)).ravel(),
+        y=(distance * dy + np.float32(pose.y)).ravel(),
+        z=(distance * _RISE[:, None] + np.float32(EYE)).ravel(),
+        direction_x=np.broadcast_to(dx, distance.shape).ravel(),
+        distance=distance.ravel(),
+        shade=rays.shade.take(here).ravel(),
+        floor_before=rays.shade.take(floor_before).ravel(),
+        is_top=(rays.height.take(before) >= rays.height.take(here)).ravel(),
     )
 
 
-def _show_people(image: Image.Image, people: tuple[Pose, ...], pose: Pose, distance: Floats) -> None:
+def _show_people(image: Image.Image, people: tuple[Pose, ...], pose: Pose, distance: Floats32) -> None:
     """The farthest first; at their feet the floor is as near as they are, so a little nearer counts as before it."""
     numbered = sorted(enumerate(people), key=lambda item: -math.hypot(item[1].x - pose.x, item[1].y - pose.y))
     for number, person in numbered:
@@ -163,7 +176,7 @@ def _in_view(x: float, y: float, pose: Pose) -> tuple[float, float]:
     return dx * forward + dy * aside, -dx * aside + dy * forward
 
 
-def _hang_signs(image: Image.Image, signs: tuple[Sign, ...], pose: Pose, distance: Floats) -> None:
+def _hang_signs(image: Image.Image, signs: tuple[Sign, ...], pose: Pose, distance: Floats32) -> None:
     """Door signs, as plates that face the camera, where nothing stands before them."""
     draw = ImageDraw.Draw(image)
     for sign in sorted(signs, key=lambda s: -math.hypot(s.x - pose.x, s.y - pose.y)):

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw
 
-from backend.mcp_robot.grid import Floats
+from backend.mcp_robot.grid import Floats32
 from backend.mcp_robot.simulator.shades import Colour
 
 HEIGHT = 1.72
@@ -51,7 +51,9 @@ def figure(number: int, facing: bool) -> Image.Image:
     return image
 
 
-def place(picture: Image.Image, figure: Image.Image, box: tuple[int, int, int, int], depth: float, far: Floats) -> None:
+def place(
+    picture: Image.Image, figure: Image.Image, box: tuple[int, int, int, int], depth: float, far: Floats32
+) -> None:
     """Put a figure into `box` (left, top, right, bottom) of a picture, where what it shows is farther than `depth`."""
     left, top, right, bottom = box
     scaled = figure.resize((max(1, right - left), max(1, bottom - top)))

@@ -74,7 +74,7 @@ class SimulatedRobot:
         self._scan: Scan | None = None  # the latest, valid for its own time only
         self._stepped = asyncio.Event()  # set and replaced after every round of steps
         self._planning: set[asyncio.Task[None]] = set()  # other ways that are being sought
-        # A thread keeps the 65 MB that it once needed for a picture: so one thread draws, and not each of asyncio's.
+        # A thread keeps the 30 MB that it once needed for a picture: so one thread draws, and not each of asyncio's.
         self._artist = ThreadPoolExecutor(max_workers=1, thread_name_prefix="camera")
         if not self._virtual:
             self.simulation.reroute = self._reroute_in_thread
