@@ -180,8 +180,7 @@ export async function stopRobot(): Promise<void> {
     toldAt = Date.now();
     setState({ stop, stopError: null });
   } catch (error) {
-    const sentence = error instanceof http.HttpError ? error.message : "";
-    setState({ stopError: sentence === "" ? i18next.t("stop.noAnswer") : sentence });
+    setState({ stopError: error instanceof http.HttpError ? error.message : "" });
   } finally {
     setState({ stopBusy: false });
   }
@@ -194,6 +193,7 @@ export async function releaseRobot(): Promise<void> {
     setState({ stop: null });
   } catch (error) {
     const sentence = error instanceof http.HttpError ? error.message : "";
-    toast("danger", sentence === "" ? i18next.t("stop.releaseFailed") : sentence);
+    if (sentence === "") toast("danger", i18next.t("stop.releaseFailed"));
+    else toast("danger", sentence, "en");
   }
 }
