@@ -473,7 +473,7 @@ const es = {
     inference: "Pensando",
     navigation: "En camino",
     speech: "Hablando",
-    person: "Esperando a una persona",
+    person: "Esperando a alguien",
     waiting: "Esperando al robot",
     tools: "Consultando datos",
     protocols: "Conexiones",
