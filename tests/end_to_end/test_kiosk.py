@@ -179,6 +179,32 @@ async def test_stop_at_the_kiosk_holds_until_staff_release_it(up: Up, open_page:
         assert watched.speed == 0
 
 
+@pytest.mark.parametrize("who", ["nobody", "somebody else"])
+async def test_a_visit_ends_with_its_login_when_that_is_given_up_on_this_device(
+    up: Up, open_page: Opener, who: str
+) -> None:
+    staff = await open_dashboard(up, open_page)
+    page = await open_kiosk(open_page, kiosk(up))
+    async with up.robot.watched() as watched:
+        far = ["go to lab 2.3.9", "go to lab 2.3.1"]
+        await page.get_by_test_id("kiosk-field").fill(" and then ".join(far * 3))
+        await page.keyboard.press("Enter")
+        await watched.until(lambda: watched.speed > 0.3, "the robot to drive")
+        await expect(staff.get_by_test_id("people")).to_have_attribute("data-held", "true")
+        # As from a dashboard in another tab.
+        if who == "nobody":
+            await page.request.post(f"{up.base}/api/logout", headers={"Origin": up.base})
+        else:
+            token = {"token": up.robot.token("Kiosk, stairs", Role.VISITOR)}
+            await page.request.post(f"{up.base}/api/login", headers={"Origin": up.base}, data=token)
+        await expect(page.get_by_test_id("kiosk-start-over")).to_have_count(0)
+        assert "lab 2.3.9" not in await page.content()
+        await expect(staff.get_by_test_id("people")).to_have_attribute("data-held", "false")
+        await watched.until(lambda: watched.state.motion is None and watched.speed == 0, "the robot to halt")
+        # Stop would be another thing: staff would have to release it.
+        assert watched.state.stop is None
+
+
 async def test_after_a_minute_untouched_nothing_of_the_visitor_is_left(up: Up, open_page: Opener) -> None:
     staff = await Client.open(f"tcp://127.0.0.1:{up.robot.agent_port}", answer=None)
     page = await open_page("about:blank", viewport=COLUMN, has_touch=True)

@@ -64,7 +64,7 @@ class Building:
             (f"/places/{number}", place.name, (place.pose.x, place.pose.y - shapes.NAME_OFFSET), 0.8)
             for number, place in enumerate(grid.places)
         ] + [
-            (f"/zones/{number}", f"No entry: {zone.name}", zones.middle(zone.polygon), 0.7)
+            (f"/zones/{number}", f"× {zone.name}", zones.middle(zone.polygon), 0.7)
             for number, zone in enumerate(grid.zones)
             if zone.polygon
         ]

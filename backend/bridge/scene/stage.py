@@ -1,6 +1,7 @@
 """The viser scene and what each telemetry message changes in it.
 
-Nodes are made once and then assigned to (see `nodes.py`). One call at a time.
+Nodes are made once and then assigned to (see `nodes.py`). One call at a time. Readers of every language see the same
+scene, so its labels are names and signs, of those that every system's fonts have; the pages around it say the sentence.
 """
 
 from __future__ import annotations
@@ -110,7 +111,7 @@ class Stage:
         """Say that the robot is gone; what was seen last stays, greyed."""
         self._online = False
         with self._server.atomic():
-            self._nodes.assign(self._notice, text=f"{self._name} is not connected. Trying again.", visible=True)
+            self._nodes.assign(self._notice, text=f"{self._name} ?", visible=True)
             self._nodes.assign(self._label, visible=False)
             self._nodes.assign(self._sight, visible=False)
             self._surroundings.hide()
@@ -131,7 +132,7 @@ class Stage:
             self._show_trail([piece])
         label, colour = self._name, ACCENT
         if state.stop is not None:
-            label, colour = f"{self._name} · stopped by {state.stop.by}", STOPPED
+            label, colour = f"{self._name} ■ {state.stop.by}", STOPPED
         elif state.speaking is not None:
             label = f"{self._name}: “{_short(state.speaking)}”"
         self._nodes.assign(self._label, text=label)

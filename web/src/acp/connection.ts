@@ -25,8 +25,11 @@ export interface Screen {
   onQuestion: LinkEvents["onQuestion"];
   onTelemetry?: (telemetry: Telemetry) => void;
   onPeople?: (people: Person[]) => void;
+  /** The login ends, and the agent can still be told, where it is there. */
+  onLeave?: () => void;
 }
 
+let shown: Screen | null = null;
 let link: Link | null = null;
 let checks: ReturnType<typeof setInterval> | null = null;
 /** When Stop or Release was last answered over HTTP; telemetry that was under way then is older. */
@@ -39,46 +42,57 @@ export async function begin(): Promise<void> {
   const token = takeToken();
   if (token !== null) return logIn(token);
   try {
-    enter((await http.whoAmI()).me);
+    await enter((await http.whoAmI()).me);
   } catch (error) {
     const refused = error instanceof http.HttpError && error.status === 401;
-    leave(refused ? "none" : "unreachable");
+    await leave(refused ? "none" : "unreachable");
   }
 }
 
 export async function logIn(token: string): Promise<void> {
   try {
-    enter(await http.login(token));
+    await enter(await http.login(token));
   } catch (error) {
     const status = error instanceof http.HttpError ? error.status : 0;
-    leave(status >= 400 && status < 500 ? "invalid" : "unreachable");
+    await leave(status >= 400 && status < 500 ? "invalid" : "unreachable");
   }
 }
 
 export async function logOut(): Promise<void> {
-  end();
+  await finish();
   await http.logout().catch(() => undefined);
-  leave("none");
+  await leave("none");
 }
 
 /** One person in one role: a connection keeps the role with which it was opened. */
 export const keyOf = (me: http.Me): string => `${me.role} ${me.name}`;
 
 /** Who comes in the place of somebody else finds nothing of theirs: what they had read may be news to this one. */
-function enter(me: http.Me): void {
+async function enter(me: http.Me): Promise<void> {
   const { auth } = getState();
   const other = auth.status === "in" && keyOf(auth.me) !== keyOf(me);
-  if (other) end();
+  if (other) await finish();
   setState({ ...(other ? INITIAL : {}), auth: { status: "in", me } });
 }
 
-function leave(problem: LoginProblem): void {
-  end();
+async function leave(problem: LoginProblem): Promise<void> {
+  await finish();
   setState({ ...INITIAL, auth: { status: "out", problem } });
+}
+
+/** The end of what was shown to whoever was logged in. */
+async function finish(): Promise<void> {
+  if (shown?.onLeave !== undefined) {
+    shown.onLeave();
+    // What it told the agent is still on its way to the socket, and closing that would drop it.
+    await new Promise((resolve) => setTimeout(resolve, 0));
+  }
+  end();
 }
 
 export function start(screen: Screen): void {
   if (link !== null) return;
+  shown = screen;
   const url = new URL("/acp", window.location.href);
   url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
   link = new Link(url.href, {
@@ -111,6 +125,7 @@ export function start(screen: Screen): void {
 }
 
 export function end(): void {
+  shown = null;
   link?.end();
   link = null;
   setAgent(null);
@@ -154,16 +169,17 @@ async function check(): Promise<void> {
     const { me, latencyMs, clockOffsetMs } = await http.whoAmI();
     if (asked !== link) return; // it was said of whoever was here before
     unanswered = 0;
-    if (getState().auth.status === "in") enter(me);
+    if (getState().auth.status === "in") await enter(me);
     setState((state) => ({
       reachable: true,
       latencyMs,
       clockOffsetMs: clockOffsetMs ?? state.clockOffsetMs,
     }));
-    setState({ health: await http.health() });
+    const health = await http.health();
+    if (asked === link) setState({ health });
   } catch (error) {
     if (error instanceof http.HttpError && error.status === 401) {
-      leave("expired");
+      await leave("expired");
       return;
     }
     if (error instanceof http.HttpError && error.status !== 0) return;
@@ -180,8 +196,7 @@ export async function stopRobot(): Promise<void> {
     toldAt = Date.now();
     setState({ stop, stopError: null });
   } catch (error) {
-    const sentence = error instanceof http.HttpError ? error.message : "";
-    setState({ stopError: sentence === "" ? i18next.t("stop.noAnswer") : sentence });
+    setState({ stopError: error instanceof http.HttpError ? error.message : "" });
   } finally {
     setState({ stopBusy: false });
   }
@@ -194,6 +209,7 @@ export async function releaseRobot(): Promise<void> {
     setState({ stop: null });
   } catch (error) {
     const sentence = error instanceof http.HttpError ? error.message : "";
-    toast("danger", sentence === "" ? i18next.t("stop.releaseFailed") : sentence);
+    if (sentence === "") toast("danger", i18next.t("stop.releaseFailed"));
+    else toast("danger", sentence, "en");
   }
 }

@@ -336,6 +336,6 @@ export async function choose(setting: Setting, value: string): Promise<void> {
       change(sessionId, (conversation) => ({ ...conversation, options: answer.configOptions }));
     }
   } catch (error) {
-    if (error instanceof RequestError) toast("danger", error.message);
+    if (error instanceof RequestError) toast("danger", error.message, "en");
   }
 }

@@ -42,6 +42,8 @@ export function startKiosk(): () => void {
         if (withdrawn.aborted) gone();
         else withdrawn.addEventListener("abort", gone, { once: true });
       }),
+    // Nobody at this screen could cancel any more what the visitor began.
+    onLeave: endVisit,
   });
   const learning = setInterval(() => void learn(), LEARN_MS);
   return () => {

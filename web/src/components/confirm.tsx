@@ -3,14 +3,14 @@
  * what is beside it, where Yes takes it away.
  */
 import { AlertDialog } from "radix-ui";
-import { useRef } from "react";
+import { useRef, type ReactNode } from "react";
 import { panes } from "./panes";
 
 export function Confirm(props: {
   open: boolean;
   onOpenChange: (open: boolean) => void;
   title: string;
-  text: string;
+  text: ReactNode;
   no: string;
   yes: string;
   onYes: () => void;

@@ -30,6 +30,11 @@ function useText(): (value: unknown) => string {
   return text;
 }
 
+/** A text of a tool may be in any language; what is not one is in the page's. */
+function languageOf(value: unknown): "" | undefined {
+  return typeof value === "string" && value !== "" ? "" : undefined;
+}
+
 /** Whether all of it fits on one line of text. */
 function isSmall(value: unknown): boolean {
   if (isRecord(value))
@@ -54,7 +59,7 @@ export function DataView({ value, depth = 0 }: { value: unknown; depth?: number 
       </dl>
     );
   }
-  return <span>{text(value)}</span>;
+  return <span lang={languageOf(value)}>{text(value)}</span>;
 }
 
 function DataTable({ rows }: { rows: Record<string, unknown>[] }) {
@@ -76,7 +81,9 @@ function DataTable({ rows }: { rows: Record<string, unknown>[] }) {
           {rows.map((row, index) => (
             <tr key={index}>
               {columns.map((column) => (
-                <td key={column}>{text(row[column])}</td>
+                <td key={column} lang={languageOf(row[column])}>
+                  {text(row[column])}
+                </td>
               ))}
             </tr>
           ))}

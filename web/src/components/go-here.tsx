@@ -2,7 +2,7 @@
  * Where shall it go? A place or a point picked on the map, or a place of the list, and a Go that sends an ordinary prompt
  * in the session on the screen. There is no other way from the map to the robot.
  */
-import { useEffect, useId, useRef, type KeyboardEvent } from "react";
+import { useEffect, useId, useRef, type KeyboardEvent, type ReactNode } from "react";
 import { useTranslation } from "react-i18next";
 import { learnAbilities } from "../acp/abilities";
 import { prompt } from "../acp/sessions";
@@ -14,7 +14,7 @@ import { robotName, useMe, useStore } from "../state/store";
 export interface GoHereProps {
   destination: Destination | null;
   /** Why the map gives no picks; null when it does. */
-  refused: string | null;
+  refused: ReactNode;
   onDestination: (destination: Destination | null) => void;
   /** It was sent, and this is what was asked; or nothing was, and it is over. */
   onOver: (asked: string | null) => void;

@@ -22,10 +22,11 @@ import type { Layout } from "../hooks/use-media";
 import { useRobotState } from "../hooks/use-robot-state";
 import { LANGUAGES, speakAlways } from "../i18n";
 import { fixed, percent, speed } from "../i18n/format";
-import { callWords } from "../i18n/known";
+import { callWords, othersWords } from "../i18n/known";
 import { robotName, useMe, useStore } from "../state/store";
 import { Mark } from "./mark";
 import { PeopleMenu } from "./people-menu";
+import { Quoting } from "./quoting";
 import { SettingSelects } from "./setting-select";
 import { StopButton } from "./stop-button";
 
@@ -178,7 +179,9 @@ function QuestionChip({ onClick }: { onClick: () => void }) {
       <span className="question-chip-text">
         <strong>{t("question.asks", { robot: name })}</strong>
         {" · "}
-        <span className="question-chip-what">{what}</span>
+        <span className="question-chip-what">
+          <Quoting sentence={what} words={othersWords(question)} />
+        </span>
       </span>
     </button>
   );

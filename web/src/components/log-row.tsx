@@ -13,6 +13,9 @@ const LONGEST = 600;
 export const LogRow = memo(function LogRow(props: { row: Row; name: string; sessionId: string }) {
   const { row, name, sessionId } = props;
   const [open, setOpen] = useState(false);
+  const end = useEnd(row);
+  const text = end ?? row.text;
+  const othersAt = end === null ? row.othersAt : end.length;
   return (
     <li className="log-row" data-testid="log-row" data-seq={row.seq} data-kind={row.kind}>
       <button type="button" className="log-line" aria-expanded={open} onClick={() => setOpen(!open)}>
@@ -20,7 +23,10 @@ export const LogRow = memo(function LogRow(props: { row: Row; name: string; sess
         <span className="log-number">{row.seq}</span>
         <span className="log-time">{clock(row.at)}</span>
         <span className="log-kind">{name}</span>
-        <span className="log-text">{useText(row)}</span>
+        <span className="log-text">
+          {text.slice(0, othersAt)}
+          {othersAt < text.length && <span lang="">{text.slice(othersAt)}</span>}
+        </span>
       </button>
       {open && <Details seq={row.seq} sessionId={sessionId} />}
     </li>
@@ -29,10 +35,10 @@ export const LogRow = memo(function LogRow(props: { row: Row; name: string; sess
 
 const ENDS = ["cancelled", "max_tokens", "max_turn_requests", "refusal", "interrupted"] as const;
 
-/** How a turn ended, in words; a normal end needs none. */
-function useText({ kind, text }: Row): string {
+/** How a turn ended, in words; a normal end needs none. Null for a row of anything else. */
+function useEnd({ kind, text }: Row): string | null {
   const { t } = useTranslation();
-  if (kind !== "ended") return text;
+  if (kind !== "ended") return null;
   const end = ENDS.find((reason) => reason === text);
   return end === undefined ? "" : t(`note.${end}`);
 }

@@ -1,4 +1,4 @@
-/** Text with markdown. What a model writes is not trusted: no HTML, no pictures from elsewhere, links only to the web. */
+/** Text with markdown, in whatever language it is. What a model writes is not trusted: no HTML, no pictures from elsewhere, links only to the web. */
 import type { ReactNode } from "react";
 import ReactMarkdown, { type Components } from "react-markdown";
 import remarkGfm from "remark-gfm";
@@ -25,7 +25,7 @@ const COMPONENTS: Components = {
 
 export default function Markdown({ text }: { text: string }) {
   return (
-    <div className="markdown">
+    <div className="markdown" lang="">
       <ReactMarkdown remarkPlugins={PLUGINS} components={COMPONENTS} skipHtml>
         {text}
       </ReactMarkdown>

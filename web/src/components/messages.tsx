@@ -7,13 +7,20 @@ import type { ContentBlock } from "@agentclientprotocol/sdk";
 import type { AgentItem, NoteItem, UserItem } from "../state/conversation";
 import { robotName, useMe, useStore } from "../state/store";
 import { Picture, Sound } from "./media";
+import { Quoting } from "./quoting";
 
 const Markdown = lazy(() => import("./markdown"));
 
 /** Markdown is loaded apart from the page; until then the text is there as it was written. */
 function Formatted({ text }: { text: string }) {
   return (
-    <Suspense fallback={<p className="plain-text">{text}</p>}>
+    <Suspense
+      fallback={
+        <p className="plain-text" lang="">
+          {text}
+        </p>
+      }
+    >
       <Markdown text={text} />
     </Suspense>
   );
@@ -48,7 +55,11 @@ function Block({ block, title }: { block: ContentBlock; title: string }) {
   const { t } = useTranslation();
   switch (block.type) {
     case "text":
-      return <p className="plain-text">{block.text}</p>;
+      return (
+        <p className="plain-text" lang="">
+          {block.text}
+        </p>
+      );
     case "image":
       return <Picture data={block.data} mimeType={block.mimeType} title={title} />;
     case "audio":
@@ -69,7 +80,11 @@ export function Thought({ item }: { item: AgentItem }) {
         <ChevronRight aria-hidden className="turner" />
         <Lightbulb aria-hidden />
         <span className="thought-label">{t("talk.thought")}</span>
-        {!open && <span className="thought-line">{item.text}</span>}
+        {!open && (
+          <span className="thought-line" lang="">
+            {item.text}
+          </span>
+        )}
       </Collapsible.Trigger>
       <Collapsible.Content className="thought-text">
         <Formatted text={item.text} />
@@ -87,7 +102,10 @@ export function Note({ item }: { item: NoteItem }) {
   if (item.error !== null) {
     return (
       <p className="note note-danger" role="alert">
-        <TriangleAlert aria-hidden /> {t("note.failed", { reason: item.error })}
+        <TriangleAlert aria-hidden />
+        <span>
+          <Quoting sentence={t("note.failed", { reason: item.error })} words={item.error} lang="en" />
+        </span>
       </p>
     );
   }

@@ -7,6 +7,7 @@ import type { Role } from "../api/http";
 import { arranged, waitingSession, type Listed } from "../state/people";
 import { canTakeOver } from "../state/rights";
 import { robotName, useMe, useStore } from "../state/store";
+import { Quoting } from "./quoting";
 import { useTakeOver } from "./take-over";
 
 /** The chip. Those whom nobody tells who is here see who has the robot, and nothing to open. */
@@ -171,11 +172,16 @@ function Watching({ sessions }: { sessions: string[] }) {
   const count = sessions.length - 1;
   return (
     <p className="person-facts person-watching" title={title ?? undefined}>
-      {title === null
-        ? t("people.watches", { count: sessions.length })
-        : count === 0
-          ? t("people.watchesOne", { title })
-          : t("people.watchesMore", { title, count })}
+      {title === null ? (
+        t("people.watches", { count: sessions.length })
+      ) : (
+        <Quoting
+          sentence={
+            count === 0 ? t("people.watchesOne", { title }) : t("people.watchesMore", { title, count })
+          }
+          words={title}
+        />
+      )}
     </p>
   );
 }

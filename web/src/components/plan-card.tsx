@@ -22,7 +22,8 @@ export function PlanCard({ item }: { item: PlanItem }) {
             <li key={index} data-status={entry.status}>
               <Icon aria-hidden />
               <span>
-                {entry.content} <span className="sr-only">({t(`plan.${entry.status}`)})</span>
+                <span lang="">{entry.content}</span>{" "}
+                <span className="sr-only">({t(`plan.${entry.status}`)})</span>
               </span>
             </li>
           );

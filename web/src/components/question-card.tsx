@@ -12,11 +12,12 @@ import { change, useAttentionSettings } from "../attention/settings";
 import { useInFrontSince } from "../hooks/use-in-front-since";
 import { useNow } from "../hooks/use-now";
 import { fixed, metres } from "../i18n/format";
-import { callWords, toolWords } from "../i18n/known";
+import { callWords, othersTitle, othersWords, toolWords } from "../i18n/known";
 import { canApprove } from "../state/rights";
 import { robotName, useMe, useStore, type Question } from "../state/store";
 import { untold } from "../state/untold";
 import { DataView } from "./data-view";
+import { Quoting } from "./quoting";
 import { Tick } from "./tick";
 import { COMPOSER_ID, useComposerText } from "./composer-text";
 
@@ -71,6 +72,7 @@ export function QuestionCard({ question, count }: { question: Question; count: n
   const [every, setEvery] = useState(false);
   const inFrontSince = useInFrontSince();
   const title = callWords(question);
+  const subject = question.subject ?? title;
   const ids = { title: useId(), text: useId(), what: useId() };
   const always = pick(question.options, true);
   const chosen = pick(question.options, every);
@@ -124,7 +126,7 @@ export function QuestionCard({ question, count }: { question: Question; count: n
       {/* A long text scrolls; whoever has only a keyboard must be able to read it to its end. */}
       {/* eslint-disable-next-line jsx-a11y/no-noninteractive-tabindex */}
       <p className="question-text" id={ids.text} tabIndex={0}>
-        {title === "" ? t("question.untitled") : title}
+        {title === "" ? t("question.untitled") : <Quoting sentence={title} words={othersWords(question)} />}
       </p>
       <div id={ids.what}>
         <What question={question} />
@@ -145,9 +147,14 @@ export function QuestionCard({ question, count }: { question: Question; count: n
             <Tick label={t("question.every")} checked={every} onChange={setEvery} testId="permission-every" />
           )}
           <p className="muted small" data-testid="permission-rule" role="status">
-            {every
-              ? t("question.rule", { what: toolWords(question.tool, question.subject ?? title) })
-              : t("question.once")}
+            {every ? (
+              <Quoting
+                sentence={t("question.rule", { what: toolWords(question.tool, subject) })}
+                words={othersTitle(question.tool, subject)}
+              />
+            ) : (
+              t("question.once")
+            )}
           </p>
         </div>
         <div className="question-buttons">
@@ -238,7 +245,10 @@ function QuestionPlace({ question }: { question: Question }) {
   if (here) return null;
   return (
     <span className="question-place muted">
-      {t("question.elsewhere", { title: title ?? t("sessions.untitled") })}
+      <Quoting
+        sentence={t("question.elsewhere", { title: title ?? t("sessions.untitled") })}
+        words={title ?? ""}
+      />
     </span>
   );
 }

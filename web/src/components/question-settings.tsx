@@ -7,9 +7,10 @@ import { learnAbilities } from "../acp/abilities";
 import { askAllowance, useAllowance } from "../attention/notification";
 import { change, useAttentionSettings } from "../attention/settings";
 import { useLayout } from "../hooks/use-media";
-import { toolWords } from "../i18n/known";
+import { othersTitle, toolWords } from "../i18n/known";
 import { canApprove } from "../state/rights";
 import { conversationOf, robotName, useMe, useStore } from "../state/store";
+import { Quoting } from "./quoting";
 import { Tick } from "./tick";
 
 /** Behind a button where the line at the top has no room for it. */
@@ -107,15 +108,20 @@ function Remembered() {
   if (remembered.length === 0) return <p className="muted small">{t("attention.rememberedNone")}</p>;
   return (
     <ul className="remembered" data-testid="remembered">
-      {remembered.map(([tool, allowed]) => (
-        <li key={tool}>
-          {allowed ? <CircleCheck aria-hidden /> : <CircleX aria-hidden />}
-          <span>
-            <strong>{toolWords(tool, titles[tool] ?? words(tool))}</strong>:{" "}
-            {t(`attention.${allowed ? "rememberedAllowed" : "rememberedRefused"}`)}
-          </span>
-        </li>
-      ))}
+      {remembered.map(([tool, allowed]) => {
+        const title = titles[tool] ?? words(tool);
+        return (
+          <li key={tool}>
+            {allowed ? <CircleCheck aria-hidden /> : <CircleX aria-hidden />}
+            <span>
+              <strong>
+                <Quoting sentence={toolWords(tool, title)} words={othersTitle(tool, title)} />
+              </strong>
+              : {t(`attention.${allowed ? "rememberedAllowed" : "rememberedRefused"}`)}
+            </span>
+          </li>
+        );
+      })}
     </ul>
   );
 }

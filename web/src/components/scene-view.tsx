@@ -60,7 +60,9 @@ export function SceneView({ shown, alone }: { shown: boolean; alone: boolean }) 
           {going ? (
             <GoHere
               destination={destination}
-              refused={refused ?? (view === null ? t("goHere.noMap") : null)}
+              refused={
+                refused !== null ? <span lang="en">{refused}</span> : view === null ? t("goHere.noMap") : null
+              }
               onDestination={setDestination}
               onOver={over}
             />

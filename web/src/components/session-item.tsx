@@ -45,7 +45,7 @@ export function SessionItem(props: {
         onClick={choose}
       >
         <Icon aria-hidden />
-        <span className="session-title" title={title}>
+        <span className="session-title" title={title} lang={session.title == null ? undefined : ""}>
           {title}
         </span>
         <span className="session-sub">

@@ -12,6 +12,7 @@ import { canPrompt } from "../state/rights";
 import { matches, wordsOf } from "../state/session-list";
 import { toast, useMe, useStore } from "../state/store";
 import { Confirm } from "./confirm";
+import { Quoting } from "./quoting";
 import { SessionItem } from "./session-item";
 import { SessionSearch } from "./session-search";
 
@@ -99,7 +100,12 @@ function SessionList({ onChosen }: { onChosen: () => void }) {
           if (!open) setDoomed(null);
         }}
         title={t("sessions.deleteTitle")}
-        text={t("sessions.deleteText", { title: doomed?.title ?? t("sessions.untitled") })}
+        text={
+          <Quoting
+            sentence={t("sessions.deleteText", { title: doomed?.title ?? t("sessions.untitled") })}
+            words={doomed?.title ?? ""}
+          />
+        }
         no={t("sessions.keep")}
         yes={t("sessions.deleteYes")}
         danger
@@ -107,7 +113,7 @@ function SessionList({ onChosen }: { onChosen: () => void }) {
         onYes={() => {
           if (doomed === null) return;
           deleteSession(doomed.sessionId).catch((error: unknown) => {
-            toast("danger", error instanceof Error ? error.message : String(error));
+            toast("danger", error instanceof Error ? error.message : String(error), "en");
           });
         }}
       />

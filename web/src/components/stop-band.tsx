@@ -68,7 +68,7 @@ export function StopFailed() {
     <section className="band band-danger band-loud" data-testid="stop-failed" role="alert">
       <OctagonAlert aria-hidden />
       <p>
-        <strong>{error}</strong>
+        <strong lang={error === "" ? undefined : "en"}>{error === "" ? t("stop.noAnswer") : error}</strong>
       </p>
       <button type="button" className="button on-danger" onClick={() => void stopRobot()}>
         {t("stop.again")}

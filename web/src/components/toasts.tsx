@@ -21,7 +21,7 @@ export function Toasts() {
             if (!open) drop(toast.id);
           }}
         >
-          <Toast.Description>{toast.text}</Toast.Description>
+          <Toast.Description lang={toast.lang}>{toast.text}</Toast.Description>
           <Toast.Close className="icon-button" aria-label={t("toast.close")}>
             <X aria-hidden />
           </Toast.Close>

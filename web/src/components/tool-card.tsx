@@ -17,12 +17,13 @@ import { useTranslation } from "react-i18next";
 import type { Decision } from "../acp/meta";
 import { isRecord } from "../acp/meta";
 import { metres, wholeSeconds } from "../i18n/format";
-import { callWords } from "../i18n/known";
+import { callWords, othersWords } from "../i18n/known";
 import type { ToolItem } from "../state/conversation";
 import { useStore } from "../state/store";
 import { outcomeOf, summaryOf, type Outcome } from "../state/summary";
 import { DataView } from "./data-view";
 import { Picture, Sound } from "./media";
+import { Quoting } from "./quoting";
 import { RobotAwaited } from "./robot-awaited";
 
 const ICONS: Record<Outcome, typeof Ban> = {
@@ -60,7 +61,9 @@ export function ToolCard({ item }: { item: ToolItem }) {
       >
         <div className="tool-head">
           <Icon aria-hidden className="tool-icon" />
-          <span className="tool-title">{title}</span>
+          <span className="tool-title">
+            <Quoting sentence={title} words={othersWords(item)} />
+          </span>
           <span className="tool-word">{t(`tool.${lost ? "lost" : outcome}`)}</span>
           {hasDetails(item) && (
             <Collapsible.Trigger
@@ -75,7 +78,11 @@ export function ToolCard({ item }: { item: ToolItem }) {
         {/* How far it was when it was last heard of says nothing of now. */}
         {item.progress !== null && item.status === "in_progress" && heard && <Progress item={item} />}
         {item.waiting === "robot" && <RobotAwaited />}
-        {summary !== "" && <p className="tool-summary">{summary}</p>}
+        {summary.text !== "" && (
+          <p className="tool-summary" lang={summary.lang}>
+            {summary.text}
+          </p>
+        )}
         <Media item={item} />
         {item.decision !== null && <DecisionLine decision={item.decision} />}
         <Collapsible.Content className="details-text">

@@ -47,6 +47,18 @@ export function callWords(call: Call): string {
   return known === null ? call.title : i18next.t(`toolCall.${known.tool}`, known.values);
 }
 
+/** What in those words is not the page's: the title that came, or what is to be said aloud. */
+export function othersWords(call: Call): string {
+  const known = knownCall(call);
+  if (known === null) return call.title;
+  return known.tool === "speak" ? String(known.values["text"]) : "";
+}
+
+/** Whether these are words of the robot server that we know, so that what it says of the call is English. */
+export function isKnown(call: Call): boolean {
+  return knownCall(call) !== null;
+}
+
 /** The names of the arguments that stand in our words for a call; null where it keeps the title that came. */
 export function argumentsTold(call: Call): string[] | null {
   const known = knownCall(call);
@@ -94,6 +106,11 @@ export function argumentWords(key: string): string {
 /** What a tool does, whatever its arguments. */
 export function toolWords(tool: string | null, title: string): string {
   return knows(en.tools, tool) && title === en.tools[tool] ? i18next.t(`tools.${tool}`) : title;
+}
+
+/** What in those words is not the page's. */
+export function othersTitle(tool: string | null, title: string): string {
+  return knows(en.tools, tool) && title === en.tools[tool] ? "" : title;
 }
 
 /** Another agent's mode may have the same name and mean something else: its text must be the one that is known. */

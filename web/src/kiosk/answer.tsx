@@ -4,10 +4,11 @@ import { useTranslation } from "react-i18next";
 import { cancelTurn } from "../acp/sessions";
 import Markdown from "../components/markdown";
 import { safeType, Sound } from "../components/media";
+import { Quoting } from "../components/quoting";
 import { useConversation } from "../hooks/use-conversation";
 import type { Item } from "../state/conversation";
 import { conversationOf, robotName, useStore } from "../state/store";
-import { exchange } from "./doing";
+import { exchange, othersIn } from "./doing";
 import { answerOf, pictures, sounds, textOf, thoughtOf } from "./exchange";
 import { useDoing, useDoingDetail, useDoingWords } from "./use-doing";
 
@@ -21,7 +22,12 @@ export function Answer() {
     <div className="kiosk-exchange">
       <p className="kiosk-asked">
         <span className="sr-only">{t("kiosk.youAsked")} </span>
-        {asked !== "" && <q>{asked}</q>}
+        {asked !== "" && (
+          <q>
+            {/* Not on the quotation itself: its marks are the page's. */}
+            <span lang="">{asked}</span>
+          </q>
+        )}
       </p>
       {running && <Status items={items} />}
       <Said items={items} running={running} />
@@ -34,6 +40,7 @@ function Status({ items }: { items: Item[] }) {
   const doing = useDoing();
   const words = useDoingWords(doing);
   const detail = useDoingDetail(doing);
+  const others = othersIn(doing);
   const turn = useStore((state) => conversationOf(state).turn);
   const online = useStore((state) => state.link.status === "online");
   const thought = doing.kind === "thinking" ? thoughtOf(items) : "";
@@ -43,10 +50,18 @@ function Status({ items }: { items: Item[] }) {
       <Icon aria-hidden />
       <div>
         <h1 role="status" data-testid="kiosk-status" data-doing={doing.kind}>
-          {words}
+          <Quoting sentence={words} words={others.line} />
         </h1>
-        {detail !== "" && <p className="kiosk-detail">{detail}</p>}
-        {thought !== "" && <p className="kiosk-detail kiosk-thought">{thought}</p>}
+        {detail !== "" && (
+          <p className="kiosk-detail">
+            <Quoting sentence={detail} words={others.detail} />
+          </p>
+        )}
+        {thought !== "" && (
+          <p className="kiosk-detail kiosk-thought" lang="">
+            {thought}
+          </p>
+        )}
         {turn !== null && (
           <button
             type="button"
@@ -94,19 +109,20 @@ function Said({ items, running }: { items: Item[]; running: boolean }) {
 function End({ items, silent }: { items: Item[]; silent: boolean }) {
   const { t } = useTranslation();
   const note = items.findLast((item) => item.kind === "note");
+  const error = note?.error ?? null;
   const words =
     note === undefined
       ? silent && t("kiosk.done")
       : note.takenBy !== undefined
         ? t("people.kioskTaken")
-        : note.error !== null
-          ? t("kiosk.failed", { reason: note.error })
+        : error !== null
+          ? t("kiosk.failed", { reason: error })
           : note.stopReason === "cancelled"
             ? t("kiosk.cancelled")
             : t("kiosk.cut");
   return words === false ? null : (
     <p className="kiosk-end" data-testid="kiosk-end">
-      {words}
+      <Quoting sentence={words} words={error ?? ""} lang="en" />
     </p>
   );
 }

@@ -2,7 +2,7 @@
 import type { LinkState } from "../acp/link";
 import { asString, isRecord } from "../acp/meta";
 import type { Telemetry } from "../acp/telemetry";
-import { callWords } from "../i18n/known";
+import { callWords, othersWords } from "../i18n/known";
 import type { Conversation, Item, ToolItem } from "../state/conversation";
 
 export type Doing =
@@ -11,8 +11,8 @@ export type Doing =
   | { kind: "unreachable" }
   /** It works for somebody else, and nobody here has asked for anything yet. */
   | { kind: "elsewhere" }
-  /** `says`: the sentence, where it wants to speak; else `what` it wants to do. */
-  | { kind: "permission"; what: string; says: string | null }
+  /** `says`: the sentence, where it wants to speak; else `what` it wants to do, with `others` in it. */
+  | { kind: "permission"; what: string; says: string | null; others: string }
   | { kind: "queue" }
   | { kind: "driving"; place: string | null; metres: number | null; seconds: number | null }
   | { kind: "turning" }
@@ -43,7 +43,7 @@ export function doing(
   }
   const tool = exchange(conversation).findLast((item) => item.kind === "tool");
   if (tool?.status === "pending" && tool.waiting === "permission")
-    return { kind: "permission", what: callWords(tool), says: sentenceOf(tool) };
+    return { kind: "permission", what: callWords(tool), says: sentenceOf(tool), others: othersWords(tool) };
   if (tool?.status === "pending" && tool.waiting === "robot") return { kind: "queue" };
   return tool?.status === "in_progress" ? working(tool, telemetry) : { kind: "thinking" };
 }
@@ -73,6 +73,20 @@ function working(tool: ToolItem, telemetry: Telemetry | null): Doing {
       return { kind: "thinking" }; // a glance, over before it could be read
     default:
       return { kind: "tool", what: callWords(tool) };
+  }
+}
+
+/** What is not the page's in the one large line, and in the detail beside it. */
+export function othersIn(what: Doing): { line: string; detail: string } {
+  switch (what.kind) {
+    case "permission":
+      return { line: "", detail: what.says ?? what.others };
+    case "speaking":
+      return { line: what.text, detail: "" };
+    case "tool":
+      return { line: what.what, detail: "" };
+    default:
+      return { line: "", detail: "" };
   }
 }
 

@@ -2,7 +2,7 @@
 import type { SessionUpdate } from "@agentclientprotocol/sdk";
 import { describe, expect, it } from "vitest";
 import type { Event } from "../acp/events";
-import { FILTERS, fileName, matching, rowOf, type Filter, type Kind } from "./log";
+import { FILTERS, fileName, matching, rowOf, type Filter, type Kind, type Titles } from "./log";
 
 const said = (text: string): SessionUpdate => ({
   sessionUpdate: "agent_message_chunk",
@@ -15,7 +15,7 @@ const event = (seq: number, update: SessionUpdate = said(`words ${seq}`)): Event
 });
 
 describe("a row", () => {
-  const titles = new Map<string, string>();
+  const titles: Titles = new Map();
   const row = (update: SessionUpdate): [Kind, string] => {
     const { kind, text } = rowOf(event(1, update), titles);
     return [kind, text];
@@ -55,6 +55,22 @@ describe("a row", () => {
         _meta: { "robot-acp/turn": { id: "t", state: "ended", stopReason: "end_turn" } },
       }),
     ).toEqual(["ended", "end_turn"]);
+  });
+
+  it("knows which of its words are not the page's", () => {
+    const others = (update: SessionUpdate): string => {
+      const { text, othersAt } = rowOf(event(1, update), titles);
+      return text.slice(othersAt);
+    };
+    expect(others({ ...said("go  on"), _meta: { "robot-acp/by": "Ana" } })).toBe("go on");
+    const asked = { ...said("go"), sessionUpdate: "user_message_chunk" } as SessionUpdate;
+    expect(others({ ...asked, _meta: { "robot-acp/by": "Ana  B." } })).toBe("go");
+    expect(others(announced)).toBe("Say hello");
+    const drive = { title: "Drive to lab 1", rawInput: { place: "lab 1" } };
+    expect(others({ ...announced, ...drive, _meta: { "robot-acp/tool": "navigate_to_place" } })).toBe("");
+    const wall = { type: "content" as const, content: { type: "text" as const, text: "In a wall." } };
+    expect(others({ ...call, status: "failed", content: [wall] })).toBe("In a wall.");
+    expect(others({ sessionUpdate: "session_info_update", title: "Tour" })).toBe("Tour");
   });
 
   it("of a call that has ended leaves nothing behind, however it ended", () => {

@@ -5,7 +5,7 @@
 import type { ContentBlock, ToolCallContent } from "@agentclientprotocol/sdk";
 import type { Event } from "../acp/events";
 import { authorOf, decisionOf, progressOf, toolOf, turnOf, waitingOf } from "../acp/meta";
-import { callWords, modeName, settingName } from "../i18n/known";
+import { callWords, modeName, othersWords, settingName, type Call } from "../i18n/known";
 import { hasEnded } from "./conversation";
 
 export const MOST = 10_000;
@@ -51,41 +51,47 @@ export interface Row {
   at: number;
   kind: Kind;
   text: string;
+  /** Where what is not the page's begins in the text: it may be in any language. */
+  othersAt: number;
 }
+
+type Said = Pick<Row, "text" | "othersAt">;
 
 /** Titles of tool calls that have not ended, by their ids: what follows a call does not repeat its title. */
-export type Titles = Map<string, string>;
+export type Titles = Map<string, Said>;
 
 export function rowOf({ seq, at, update }: Event, titles: Titles): Row {
-  const [kind, text] = told(update, titles);
+  const [kind, { text, othersAt }] = told(update, titles);
   const ends = update.sessionUpdate === "tool_call_update" && hasEnded(update.status);
   if (ends) titles.delete(update.toolCallId); // else a log that is looked at for days keeps those of every call
-  const line = text.replace(/\s+/g, " ").trim();
-  return { seq, at, kind, text: line.length > LONGEST ? `${line.slice(0, LONGEST - 1)}…` : line };
+  const line = inOneLine(text).trim();
+  const short = line.length > LONGEST ? `${line.slice(0, LONGEST - 1)}…` : line;
+  const own = inOneLine(text.slice(0, othersAt)).trimStart();
+  return { seq, at, kind, text: short, othersAt: Math.min(own.length, short.length) };
 }
 
-function told(update: Event["update"], titles: Titles): [Kind, string] {
+function told(update: Event["update"], titles: Titles): [Kind, Said] {
   switch (update.sessionUpdate) {
     case "user_message_chunk":
-      return ["asked", after(authorOf(update._meta), blockText(update.content))];
+      return ["asked", after(ours(authorOf(update._meta)), theirs(blockText(update.content)))];
     case "agent_message_chunk":
-      return ["said", blockText(update.content)];
+      return ["said", theirs(blockText(update.content))];
     case "agent_thought_chunk":
-      return ["thought", blockText(update.content)];
+      return ["thought", theirs(blockText(update.content))];
     case "plan":
-      return ["plan", update.entries.map(({ content }) => content).join(" · ")];
+      return ["plan", theirs(update.entries.map(({ content }) => content).join(" · "))];
     case "tool_call": {
-      const title = callWords({ tool: toolOf(update._meta), input: update.rawInput, title: update.title });
+      const title = titleOf({ tool: toolOf(update._meta), input: update.rawInput, title: update.title });
       titles.set(update.toolCallId, title);
       return [update.status === "in_progress" ? "begun" : "tool", title];
     }
     case "tool_call_update": {
-      const title = update.title ?? titles.get(update.toolCallId) ?? "";
-      const words = contentText(update.content ?? []);
+      const title = update.title != null ? theirs(update.title) : (titles.get(update.toolCallId) ?? ours(""));
+      const words = theirs(contentText(update.content ?? []));
       const decision = decisionOf(update._meta);
       if (decision !== null) {
         const allowed = decision.reason !== "timeout" && decision.option?.startsWith("allow") === true;
-        return [allowed ? "allowed" : "refused", after(decision.by, title)];
+        return [allowed ? "allowed" : "refused", after(ours(decision.by), title)];
       }
       const waiting = waitingOf(update._meta);
       if (waiting !== null) return [waiting === "robot" ? "queued" : "question", title];
@@ -95,23 +101,40 @@ function told(update: Event["update"], titles: Titles): [Kind, string] {
       return [update.status === "in_progress" ? "begun" : "tool", title];
     }
     case "current_mode_update":
-      return ["mode", modeName(update.currentModeId)];
+      return ["mode", ours(modeName(update.currentModeId))];
     case "config_option_update":
-      return ["settings", update.configOptions.map(({ id, name }) => settingName(id, name)).join(", ")];
+      return ["settings", ours(update.configOptions.map(({ id, name }) => settingName(id, name)).join(", "))];
     case "session_info_update": {
       const turn = turnOf(update._meta);
-      if (turn?.state === "ended") return ["ended", turn.stopReason ?? ""];
-      return typeof update.title === "string" ? ["named", update.title] : ["forked", ""];
+      if (turn?.state === "ended") return ["ended", ours(turn.stopReason ?? "")];
+      return typeof update.title === "string" ? ["named", theirs(update.title)] : ["forked", ours("")];
     }
     case "usage_update":
-      return ["usage", `${update.used}${update.size > 0 ? ` / ${update.size}` : ""}`];
+      return ["usage", ours(`${update.used}${update.size > 0 ? ` / ${update.size}` : ""}`)];
     default:
-      return ["other", ""];
+      return ["other", ours("")];
   }
 }
 
-function after(first: string | null, second: string): string {
-  return [first ?? "", second].filter((part) => part !== "").join(": ");
+const ours = (text: string | null): Said => ({ text: text ?? "", othersAt: text?.length ?? 0 });
+const theirs = (text: string): Said => ({ text, othersAt: 0 });
+
+function titleOf(call: Call): Said {
+  const text = callWords(call);
+  const others = othersWords(call);
+  return { text, othersAt: others === "" ? text.length : text.lastIndexOf(others) };
+}
+
+function after(first: Said, second: Said): Said {
+  if (first.text === "") return second;
+  if (second.text === "") return first;
+  const start = `${first.text}: `;
+  const mixed = first.othersAt < first.text.length;
+  return { text: start + second.text, othersAt: mixed ? first.othersAt : start.length + second.othersAt };
+}
+
+function inOneLine(text: string): string {
+  return text.replace(/\s+/g, " ");
 }
 
 function blockText(block: ContentBlock): string {

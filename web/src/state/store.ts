@@ -40,6 +40,8 @@ export interface Toast {
   id: number;
   tone: "info" | "danger";
   text: string;
+  /** Of a sentence that is not the page's. */
+  lang: string | undefined;
 }
 
 /** Why nobody is in. */
@@ -88,7 +90,7 @@ export interface State {
   /** What Stop and Release answered over HTTP, until telemetry knows better. */
   stop: Stop | null;
   stopBusy: boolean;
-  /** Why Stop did not get through; shown loudly. */
+  /** Why Stop did not get through, as the server says it; empty where it says nothing. Shown loudly. */
   stopError: string | null;
   toasts: Toast[];
   /** Alerts that the person here has read. */
@@ -147,7 +149,7 @@ export function robotName(state: State): string {
 
 let toasts = 0;
 
-export function toast(tone: Toast["tone"], text: string): void {
+export function toast(tone: Toast["tone"], text: string, lang?: string): void {
   const id = ++toasts;
-  setState((state) => ({ toasts: [...state.toasts.slice(-2), { id, tone, text }] }));
+  setState((state) => ({ toasts: [...state.toasts.slice(-2), { id, tone, text, lang }] }));
 }

@@ -21,7 +21,7 @@ function item(fields: Partial<ToolItem>, text?: string): ToolItem {
   };
 }
 
-const summary = (tool: ToolItem): string => summaryOf(tool, outcomeOf(tool, false));
+const summary = (tool: ToolItem): string => summaryOf(tool, outcomeOf(tool, false)).text;
 
 describe("the outcome of a tool call", () => {
   it("is a refusal when a reject option was selected", () => {

@@ -5,6 +5,7 @@
 import { asNumber, asString, isRecord } from "../acp/meta";
 import i18next from "../i18n";
 import { metres, percent, seconds } from "../i18n/format";
+import { isKnown } from "../i18n/known";
 import type { ToolItem } from "./conversation";
 
 /** How a tool call stands, finer than ACP's four states. */
@@ -26,11 +27,22 @@ export function textsOf(item: ToolItem): string[] {
   );
 }
 
+export interface Summary {
+  text: string;
+  /** None for the page's own words; empty where nobody knows. */
+  lang?: "en" | "";
+}
+
 /** What to read below the title; empty when the title and the state say all. */
-export function summaryOf(item: ToolItem, outcome: Outcome): string {
-  if (outcome === "failed") return textsOf(item).filter(isProse).map(withoutCode).join("\n");
-  if (outcome !== "completed") return "";
-  return known(item) ?? textsOf(item).filter(isProse).join("\n");
+export function summaryOf(item: ToolItem, outcome: Outcome): Summary {
+  if (outcome !== "failed" && outcome !== "completed") return { text: "" };
+  const own = outcome === "completed" ? known(item) : null;
+  if (own !== null) return { text: own };
+  const texts = textsOf(item).filter(isProse);
+  return {
+    text: (outcome === "failed" ? texts.map(withoutCode) : texts).join("\n"),
+    lang: isKnown(item) ? "en" : "", // the robot server says everything in English
+  };
 }
 
 /** A text for people, not data as JSON. */
