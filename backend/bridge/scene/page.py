@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from backend.bridge.scene.pacing import PACING
+
 POLICY = "; ".join(
     [
         "default-src 'none'",
@@ -62,4 +64,4 @@ def patched(page: str) -> str:
     """viser's page, fit to be embedded. Raises `ValueError` when it has no head."""
     if "<head>" not in page:
         raise ValueError("viser's page has no <head>")
-    return page.replace("<head>", _HEAD, 1)
+    return page.replace("<head>", _HEAD + PACING, 1)
