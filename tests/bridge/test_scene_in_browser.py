@@ -245,5 +245,24 @@ async def test_what_is_drawn_now_and_then_is_not_slow_and_what_was_cancelled_is_
     assert await drawing.evaluate("drawn") == []
 
 
+async def test_the_notice_speaks_the_language_of_the_page_around_it(page, wait_until):
+    await page.route(ADDRESS, lambda route: route.fulfill(content_type=HTML, body=patched(DRAWING)))
+    await page.route(
+        "http://robot.test/",
+        lambda route: route.fulfill(
+            content_type=HTML, body=f"<!doctype html><html lang=es><body><iframe src='{ADDRESS}'></iframe>"
+        ),
+    )
+    await page.goto("http://robot.test/")
+    scene = await (await page.wait_for_selector("iframe")).content_frame()
+
+    async def says(words: str) -> bool:
+        return words in await scene.evaluate("getComputedStyle(document.body, '::after')['content']")
+
+    await wait_until(lambda: says("El mapa no está conectado"), SECONDS)
+    await page.evaluate("document.documentElement.lang = 'en-GB'")
+    await wait_until(lambda: says("The scene is not connected"), SECONDS)
+
+
 async def differs(page: Page, before: bytes) -> bool:
     return await page.screenshot() != before

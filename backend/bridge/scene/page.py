@@ -24,6 +24,13 @@ _HEAD = """<head>
 <script>
   // viser reconnects only in a page that has the focus, which an embedded one rarely has.
   document.hasFocus = () => true;
+  // The notice speaks the language of the page around the map, also when that changes.
+  const around = parent === window ? null : parent.document.documentElement;
+  const speak = () => {
+    document.documentElement.lang = /^es\\b/.test(around?.lang || navigator.language) ? "es" : "en";
+  };
+  speak();
+  if (around) new MutationObserver(speak).observe(around, { attributeFilter: ["lang"] });
   // The page of one viewer tells when its viewer moves the camera. Where it stands alone does not tell: what follows
   // the robot sets it so often that a slow page never shows what a hand did in between.
   if (location.pathname !== "/scene/") {
@@ -54,6 +61,9 @@ _HEAD = """<head>
     position: fixed; inset: auto 0 12px; z-index: 100; margin: auto; width: fit-content;
     padding: 8px 12px; border-radius: 8px; background: rgb(31 41 55); color: white;
     font: 14px/1.4 system-ui, sans-serif; opacity: 0; animation: appear 0s 2s forwards;
+  }
+  :lang(es) > body:not(:has(.tabler-icon-cloud-check))::after {
+    content: "El mapa no está conectado. Intentándolo …";
   }
   @keyframes appear { to { opacity: 1; } }
 </style>
