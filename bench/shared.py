@@ -25,7 +25,7 @@ from tests.processes import Robot, end  # noqa: E402
 
 FLAGS = ["--no-sandbox", "--enable-unsafe-swiftshader", "--disable-gpu-rasterization", "--disable-gpu-compositing"]
 """The map is drawn in software, and the page is not drawn through it, as it is in the tests: that costs the page more
-than the map does. The tests can wait; and a phone's page that shows a driving robot stalls with these."""
+than the map does, and the tests can wait."""
 
 __all__ = ["ROOT", "Process", "Robot", "Up", "browser", "dashboard", "end", "machine", "percentile", "processes_of"]
 __all__ += ["report", "turn_over", "up"]

@@ -14,6 +14,7 @@ import pytest
 from PIL import Image
 from playwright.async_api import ConsoleMessage, Page, async_playwright
 
+from backend.bridge.scene.page import patched
 from backend.identity import Role
 from backend.telemetry import Map, Pose, Zone
 from tests.bridge.scenes import state
@@ -25,6 +26,11 @@ ARGUMENTS = [
     "--enable-unsafe-swiftshader",
     "--disable-background-networking",
 ]
+COUNT_FENCES = """
+  window.fences = 0;
+  const { fenceSync } = WebGL2RenderingContext.prototype;
+  WebGL2RenderingContext.prototype.fenceSync = function (...all) { fences += 1; return fenceSync.apply(this, all); };
+"""
 SECONDS = 30.0
 """A software renderer takes its time."""
 
@@ -51,6 +57,7 @@ async def test_the_embedded_scene_is_a_picture_that_says_when_it_stands_still_an
 
     page.on("console", hear)
     page.on("pageerror", lambda error: complaints.append(str(error)))
+    await page.add_init_script(COUNT_FENCES)
 
     async with bridge_with() as bridge:
         port, origin = bridge.port, bridge.origin
@@ -80,6 +87,7 @@ async def test_the_embedded_scene_is_a_picture_that_says_when_it_stands_still_an
         assert not await notice()
         assert not await scene.locator(".mantine-Paper-root").first.is_visible()
         assert complaints == []
+        assert await scene.evaluate("fences") > 0, "viser's frames are timed"
 
     await wait_until(notice, SECONDS)
     async with bridge_with(bridge={"port": port}):
@@ -147,6 +155,113 @@ async def test_a_viewer_sees_a_zone_where_it_is_picks_a_point_of_it_follows_and_
             await page.mouse.move(260, 220, steps=4)
             await page.mouse.up()
             assert await heard("view") == "free"
+
+
+SLOW_DRAWING = """
+  // A frame is drawn `cost` ms after it was begun, on the page's clock, which the test moves.
+  window.cost = 0;
+  Object.assign(WebGL2RenderingContext.prototype, {
+    fenceSync: () => ({ begun: performance.now() }),
+    deleteSync: () => undefined,
+    getSyncParameter(fence) {
+      return performance.now() < fence.begun + cost ? this.UNSIGNALED : this.SIGNALED;
+    },
+  });
+"""
+DRAWING = """<!doctype html><html lang="en"><head></head><body><canvas></canvas><script>
+  document.querySelector("canvas").getContext("webgl2");
+  window.drawn = [];
+  const always = () => {
+    drawn.push(performance.now());
+    window.next = requestAnimationFrame(always);
+  };
+  always();
+</script>"""
+ADDRESS = "http://robot.test/scene/"
+HTML = "text/html; charset=utf-8"
+
+
+@pytest.fixture
+async def drawing(page: Page) -> Page:
+    """A page with our head that draws without end, on a clock that stands still but for `frames`."""
+    await page.clock.install(time=0)
+    await page.add_init_script(SLOW_DRAWING)
+    await page.route(ADDRESS, lambda route: route.fulfill(content_type=HTML, body=patched(DRAWING)))
+    await page.goto(ADDRESS)
+    await page.clock.pause_at(3_600_000)
+    return page
+
+
+async def frames(drawing: Page, cost: int) -> int:
+    """How many frames are drawn in ten seconds when drawing one takes `cost` ms."""
+    await drawing.evaluate("ms => { cost = ms }", cost)
+    await drawing.clock.run_for(10_000)  # what was slow before has been drawn
+    await drawing.evaluate("drawn = []")
+    await drawing.clock.run_for(10_000)
+    return int(await drawing.evaluate("drawn.length"))
+
+
+async def test_quick_frames_pass_as_they_come_and_slow_ones_leave_others_half_of_the_time(drawing):
+    granted = await frames(drawing, cost=0)
+    assert granted > 500
+    assert await frames(drawing, cost=12) == granted
+    assert 15 < await frames(drawing, cost=200) <= 25
+    assert 1 <= await frames(drawing, cost=4000) <= 2
+    assert await frames(drawing, cost=12) == granted
+
+
+async def test_a_hand_on_the_map_has_every_frame_that_the_browser_grants(drawing):
+    paced = await frames(drawing, cost=200)
+    moving = await drawing.evaluate(
+        "setInterval(() => dispatchEvent(new PointerEvent('pointermove', { buttons: 1 })), 100)"
+    )
+    assert await frames(drawing, cost=200) > 500
+    await drawing.evaluate("moving => clearInterval(moving)", moving)
+    assert await frames(drawing, cost=200) == paced
+
+
+async def test_what_is_drawn_now_and_then_is_not_slow_and_what_was_cancelled_is_not_drawn(drawing):
+    await drawing.evaluate(
+        """() => {
+          cancelAnimationFrame(next);
+          cost = 12;
+          drawn = [];
+          window.late = [];
+          setInterval(() => {
+            const asked = performance.now();
+            const one = requestAnimationFrame(() => {
+              cancelAnimationFrame(other);
+              late.push(performance.now() - asked);
+            });
+            const other = requestAnimationFrame(() => drawn.push("what another one cancelled"));
+            cancelAnimationFrame(requestAnimationFrame(() => drawn.push("what was cancelled at once")));
+          }, 1000);
+        }"""
+    )
+    await drawing.clock.run_for(10_500)
+    late = await drawing.evaluate("late")
+    assert len(late) == 10
+    assert max(late) < 50
+    assert await drawing.evaluate("drawn") == []
+
+
+async def test_the_notice_speaks_the_language_of_the_page_around_it(page, wait_until):
+    await page.route(ADDRESS, lambda route: route.fulfill(content_type=HTML, body=patched(DRAWING)))
+    await page.route(
+        "http://robot.test/",
+        lambda route: route.fulfill(
+            content_type=HTML, body=f"<!doctype html><html lang=es><body><iframe src='{ADDRESS}'></iframe>"
+        ),
+    )
+    await page.goto("http://robot.test/")
+    scene = await (await page.wait_for_selector("iframe")).content_frame()
+
+    async def says(words: str) -> bool:
+        return words in await scene.evaluate("getComputedStyle(document.body, '::after')['content']")
+
+    await wait_until(lambda: says("El mapa no está conectado"), SECONDS)
+    await page.evaluate("document.documentElement.lang = 'en-GB'")
+    await wait_until(lambda: says("The scene is not connected"), SECONDS)
 
 
 async def differs(page: Page, before: bytes) -> bool:

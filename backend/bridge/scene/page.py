@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from backend.bridge.scene.pacing import PACING
+
 POLICY = "; ".join(
     [
         "default-src 'none'",
@@ -22,6 +24,13 @@ _HEAD = """<head>
 <script>
   // viser reconnects only in a page that has the focus, which an embedded one rarely has.
   document.hasFocus = () => true;
+  // The notice speaks the language of the page around the map, also when that changes.
+  const around = parent === window ? null : parent.document.documentElement;
+  const speak = () => {
+    document.documentElement.lang = /^es\\b/.test(around?.lang || navigator.language) ? "es" : "en";
+  };
+  speak();
+  if (around) new MutationObserver(speak).observe(around, { attributeFilter: ["lang"] });
   // The page of one viewer tells when its viewer moves the camera. Where it stands alone does not tell: what follows
   // the robot sets it so often that a slow page never shows what a hand did in between.
   if (location.pathname !== "/scene/") {
@@ -53,6 +62,9 @@ _HEAD = """<head>
     padding: 8px 12px; border-radius: 8px; background: rgb(31 41 55); color: white;
     font: 14px/1.4 system-ui, sans-serif; opacity: 0; animation: appear 0s 2s forwards;
   }
+  :lang(es) > body:not(:has(.tabler-icon-cloud-check))::after {
+    content: "El mapa no está conectado. Intentándolo …";
+  }
   @keyframes appear { to { opacity: 1; } }
 </style>
 """
@@ -62,4 +74,4 @@ def patched(page: str) -> str:
     """viser's page, fit to be embedded. Raises `ValueError` when it has no head."""
     if "<head>" not in page:
         raise ValueError("viser's page has no <head>")
-    return page.replace("<head>", _HEAD, 1)
+    return page.replace("<head>", _HEAD + PACING, 1)

@@ -1,0 +1,69 @@
+"""Keeps the map from taking the whole computer where there is no graphics chip. It must change nothing where there is.
+
+A script for viser's page that stands between it and its animation frames: quick ones pass as they come. It never draws.
+"""
+
+from __future__ import annotations
+
+PACING = """<script>
+  // Without a graphics chip, drawing takes the computer from the page around the map: from Stop, from a question.
+  // So after a slow frame as much time is left to others, unless a hand moves the camera. When a frame is done only a
+  // fence tells: its script ends long before, and a map that is covered is granted frames as fast as ever, which then
+  // pile up. So while frames are slow, none is begun before the last is done.
+  (() => {
+    const SLOW = 50, MOST = 1000, HAND = 500; // ms
+    const ask = window.requestAnimationFrame.bind(window), { getContext } = HTMLCanvasElement.prototype;
+    const waiting = new Map();
+    let gl = null, fence = null, since = 0, cost = 0, rest = 0, hand = -Infinity;
+    let last = 0, asked = false, drawing = false;
+
+    HTMLCanvasElement.prototype.getContext = function (kind, ...wishes) {
+      const context = getContext.call(this, kind, ...wishes);
+      if (kind === "webgl2") gl = context;
+      return context;
+    };
+    const pause = (now) => { // ms until it is worth asking again; none when a frame may be drawn
+      const free = now - hand < HAND;
+      if (fence && gl.getSyncParameter(fence, gl.SYNC_STATUS) === gl.UNSIGNALED) {
+        return free || Math.max(cost, now - since) < SLOW ? 0 : 10;
+      }
+      if (fence) {
+        gl.deleteSync(fence);
+        fence = null;
+        cost = now - since;
+        rest = now + Math.min(cost, MOST);
+      }
+      return free || cost < SLOW ? 0 : rest - now;
+    };
+    const order = () => { asked = true; ask(granted); };
+    const granted = (time) => {
+      const now = performance.now(), wait = pause(now);
+      if (wait > 0) return setTimeout(order, wait);
+      asked = false;
+      drawing = true;
+      for (const id of [...waiting.keys()]) { // what one callback cancels is not called
+        const callback = waiting.get(id);
+        waiting.delete(id);
+        try { callback?.(time); } catch (error) { reportError(error); }
+      }
+      drawing = false;
+      if (fence || !gl) return;
+      since = now;
+      fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+      gl.flush();
+    };
+    window.requestAnimationFrame = (callback) => {
+      waiting.set(++last, callback);
+      if (!asked && !drawing) since = performance.now(); // that nothing was to be drawn is no slow frame
+      if (!asked) order();
+      return last;
+    };
+    window.cancelAnimationFrame = (id) => { waiting.delete(id); };
+
+    const listen = (kind, then) => addEventListener(kind, then, { capture: true, passive: true });
+    listen("visibilitychange", () => { since = performance.now(); }); // neither is that nobody looked
+    const handed = (event) => { if (event.type !== "pointermove" || event.buttons) hand = performance.now(); };
+    for (const kind of ["pointerdown", "pointermove", "wheel", "keydown"]) listen(kind, handed);
+  })();
+</script>
+"""
