@@ -1,6 +1,7 @@
-"""Keeps the map from taking the whole computer where there is no graphics chip. It must change nothing where there is.
+"""Keeps the map from taking the whole computer where there is no graphics chip, and from drawing where nobody sees it.
 
-A script for viser's page that stands between it and its animation frames: quick ones pass as they come. It never draws.
+A script for viser's page that stands between it and its animation frames: quick ones that are seen pass as they come,
+so it must change nothing where a graphics chip draws. It never draws.
 """
 
 from __future__ import annotations
@@ -8,10 +9,10 @@ from __future__ import annotations
 PACING = """<script>
   // Without a graphics chip, drawing takes the computer from the page around the map: from Stop, from a question.
   // So after a slow frame as much time is left to others, unless a hand moves the camera. When a frame is done only a
-  // fence tells: its script ends long before, and a map that is covered is granted frames as fast as ever, which then
-  // pile up. So while frames are slow, none is begun before the last is done.
+  // fence tells: its script ends long before. So while frames are slow, none is begun before the last is done.
+  // A map that is covered, as on a phone that shows the conversation, is granted frames all the same: none is drawn.
   (() => {
-    const SLOW = 50, MOST = 1000, HAND = 500; // ms
+    const SLOW = 50, MOST = 1000, HAND = 500, COVERED = 200; // ms
     const ask = window.requestAnimationFrame.bind(window), { getContext } = HTMLCanvasElement.prototype;
     const waiting = new Map();
     let gl = null, fence = null, since = 0, cost = 0, rest = 0, hand = -Infinity;
@@ -22,14 +23,22 @@ PACING = """<script>
       if (kind === "webgl2") gl = context;
       return context;
     };
+    const covered = () => window.frameElement?.checkVisibility?.({ visibilityProperty: true }) === false;
+    const forget = () => {
+      gl.deleteSync(fence);
+      fence = null;
+    };
     const pause = (now) => { // ms until it is worth asking again; none when a frame may be drawn
+      if (covered()) {
+        if (fence) forget(); // when it was done, nobody will know
+        return COVERED;
+      }
       const free = now - hand < HAND;
       if (fence && gl.getSyncParameter(fence, gl.SYNC_STATUS) === gl.UNSIGNALED) {
         return free || Math.max(cost, now - since) < SLOW ? 0 : 10;
       }
       if (fence) {
-        gl.deleteSync(fence);
-        fence = null;
+        forget();
         cost = now - since;
         rest = now + Math.min(cost, MOST);
       }

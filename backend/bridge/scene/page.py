@@ -57,7 +57,7 @@ _HEAD = """<head>
   html, body { overflow: hidden; background: rgb(206 212 221); }
   /* A picture that stands still must not pass for a live one. The check mark is the hidden panel's. */
   body:not(:has(.tabler-icon-cloud-check))::after {
-    content: "The scene is not connected. Trying again …";
+    content: "The map is not connected. Trying again …";
     position: fixed; inset: auto 0 12px; z-index: 100; margin: auto; width: fit-content;
     padding: 8px 12px; border-radius: 8px; background: rgb(31 41 55); color: white;
     font: 14px/1.4 system-ui, sans-serif; opacity: 0; animation: appear 0s 2s forwards;
