@@ -2,8 +2,9 @@
 
     python bench/pixels.py [-n 40] [--loads 10]
 
-The three processes as `robot-acp up` starts them, and the dashboard with its scene, drawn in software on the same
-cores. A program over TCP prompts in the session that the page shows, and the next prompt comes only when the page shows
+The three processes as `robot-acp up` starts them, and the dashboard: on a phone's screen without the map, wide with the
+map and the camera, and the same while the robot drives for somebody else; all is drawn in software on the same cores.
+A program over TCP prompts in the session that the page shows, and the next prompt comes only when the page shows
 the answer to the one before, so that no event waits for another. The moment of an event is the one in the session's
 log, taken before it is written; the moment of the pixels is two animation frames after the change of the page: the
 second begins when the first has been painted. Both clocks are this machine's.
@@ -16,11 +17,13 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import json
 import statistics
 import subprocess
 import tempfile
 from collections import defaultdict
+from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +35,10 @@ from tests.processes import Client
 WIDE = {"width": 1440, "height": 900}
 PHONE = {"width": 390, "height": 844}
 """A phone draws no scene until somebody looks at it, so the difference is what drawing it in software costs."""
+MAP = "iframe[src^='/scene/']"
+CONNECTED = ".tabler-icon-cloud-check"
+SETTLING = 5.0
+"""Seconds until a map that has been loaded is drawn, and all that is drawn but once."""
 KINDS = {"user_message_chunk": "user-message", "tool_call": "tool-card", "agent_message_chunk": "agent-message"}
 """The events whose first appearance is a new element of the page, and the test id of that element."""
 
@@ -120,6 +127,25 @@ async def events_to_pixels(running: Up, page: Page, where: str, prompts: int) ->
     report(f"event to pixels, {where}, all", everything)
 
 
+@contextlib.asynccontextmanager
+async def driving(running: Up) -> AsyncIterator[None]:
+    """Somebody else has the robot drive to and fro, in a session of their own."""
+    client = await Client.open(f"tcp://127.0.0.1:{running.robot.agent_port}")
+    await client.new()
+
+    async def drive() -> None:
+        while True:
+            for place in ("lab 2.3.9", "lab 2.3.2"):
+                await client.prompt(f"go to {place}")
+
+    task = asyncio.create_task(drive())
+    try:
+        yield
+    finally:
+        task.cancel()
+        await client.close()
+
+
 async def first_load(running: Up, opened: Browser, url: str) -> tuple[float, int]:
     """Seconds until the page is of use, and bytes of script on the wire."""
     context = await opened.new_context(viewport=WIDE)
@@ -155,12 +181,24 @@ async def measure(running: Up, prompts: int, loads: int) -> None:
         )
         report("first load to a page of use", took[1:])
         print(f"{'compressed script without viser':44} {statistics.median(sizes) / 1000:.0f} kB on the wire")
-        for where, viewport in (("phone", PHONE), ("with scene", WIDE)):
-            page = await opened.new_page(viewport=viewport)
-            await page.goto(running.login_url)
-            await page.get_by_test_id("robot-state").get_by_text("ready").wait_for()
-            await events_to_pixels(running, page, where, prompts)
-            await page.close()
+        page = await dashboard(opened, running, PHONE)
+        await events_to_pixels(running, page, "phone", prompts)
+        await page.close()
+        page = await dashboard(opened, running, WIDE)
+        await page.frame_locator(MAP).locator(CONNECTED).wait_for(state="attached")
+        await asyncio.sleep(SETTLING)
+        await events_to_pixels(running, page, "map and camera", prompts)
+        async with driving(running):
+            await page.get_by_test_id("robot-state").get_by_text("driving").wait_for()
+            await events_to_pixels(running, page, "driving", prompts)
+
+
+async def dashboard(opened: Browser, running: Up, viewport: Any) -> Page:
+    """A dashboard that shows the robot's state."""
+    page = await opened.new_page(viewport=viewport)
+    await page.goto(running.login_url)
+    await page.get_by_test_id("robot-state").get_by_text("ready").wait_for()
+    return page
 
 
 def main() -> None:

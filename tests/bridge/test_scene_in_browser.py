@@ -253,6 +253,26 @@ async def test_what_is_drawn_now_and_then_is_not_slow_and_what_was_cancelled_is_
     assert await drawing.evaluate("drawn") == []
 
 
+@pytest.mark.parametrize(
+    ("renderer", "smooth"),
+    [
+        ("ANGLE (Google, Vulkan 1.3.0 (SwiftShader Device (Subzero)), SwiftShader driver)", False),
+        ("llvmpipe (LLVM 15.0.6, 256 bits)", False),
+        ("ANGLE (Microsoft, Microsoft Basic Render Driver (0x0000008C) Direct3D11)", False),
+        ("ANGLE (Intel, Mesa Intel(R) UHD Graphics 620 (KBL GT2), OpenGL 4.6)", True),
+        ("Apple GPU", True),
+    ],
+)
+async def test_only_a_graphics_chip_has_to_smooth_edges(page, renderer, smooth):
+    await page.add_init_script(f"WebGL2RenderingContext.prototype.getParameter = () => {json.dumps(renderer)}")
+    await page.route(ADDRESS, lambda route: route.fulfill(content_type=HTML, body=patched(DRAWING)))
+    await page.goto(ADDRESS)
+    assert (
+        await page.evaluate("document.querySelector('canvas').getContext('webgl2').getContextAttributes().antialias")
+        is smooth
+    )
+
+
 async def test_a_covered_map_is_not_drawn(page, wait_until):
     around = f"<!doctype html><body><iframe src='{ADDRESS}'></iframe>"
     await page.route(ADDRESS, lambda route: route.fulfill(content_type=HTML, body=patched(DRAWING)))

@@ -1,7 +1,7 @@
 """Keeps the map from taking the whole computer where there is no graphics chip, and from drawing where nobody sees it.
 
-A script for viser's page that stands between it and its animation frames: quick ones that are seen pass as they come,
-so it must change nothing where a graphics chip draws. It never draws.
+A script for viser's page that stands between it and its animation frames: quick ones that are seen pass as they come.
+It must change nothing where a graphics chip draws, and never draws itself.
 """
 
 from __future__ import annotations
@@ -18,10 +18,18 @@ PACING = """<script>
     let gl = null, fence = null, since = 0, cost = 0, rest = 0, hand = -Infinity;
     let last = 0, asked = false, drawing = false;
 
-    HTMLCanvasElement.prototype.getContext = function (kind, ...wishes) {
-      const context = getContext.call(this, kind, ...wishes);
-      if (kind === "webgl2") gl = context;
-      return context;
+    const inSoftware = () => {
+      const probe = getContext.call(document.createElement("canvas"), "webgl2");
+      const told = probe?.getExtension("WEBGL_debug_renderer_info");
+      const name = probe?.getParameter(told ? told.UNMASKED_RENDERER_WEBGL : probe.RENDERER) ?? "";
+      probe?.getExtension("WEBGL_lose_context")?.loseContext();
+      return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
+    };
+    HTMLCanvasElement.prototype.getContext = function (kind, wishes) {
+      if (kind !== "webgl2") return getContext.call(this, kind, wishes);
+      // Smooth edges cost a processor as much as all the rest of a frame.
+      gl = getContext.call(this, kind, inSoftware() ? { ...wishes, antialias: false } : wishes);
+      return gl;
     };
     const covered = () => window.frameElement?.checkVisibility?.({ visibilityProperty: true }) === false;
     const forget = () => {
