@@ -1,5 +1,8 @@
 """The command grammar understands what the README says, and does nothing about what it does not understand."""
 
+import re
+from pathlib import Path
+
 import pytest
 
 from backend.agent.offline import report
@@ -9,6 +12,7 @@ from backend.agent.offline.grammar import (
     GoToPoint,
     Say,
     TakePhoto,
+    TellAbilities,
     TellBattery,
     TellPlaces,
     TellPose,
@@ -16,6 +20,7 @@ from backend.agent.offline.grammar import (
     parse,
 )
 
+LOCALES = Path(__file__).parents[2] / "web" / "src" / "i18n" / "locales"
 NOON = Say("The meeting is at noon.")
 
 
@@ -57,6 +62,23 @@ NOON = Say("The meeting is at noon.")
         ("Where are you?", [TellPose()]),
         ("tell me where you are", [TellPose()]),
         ("which places are there?", [TellPlaces()]),
+        ("What can you do?", [TellAbilities()]),
+        ("help", [TellAbilities()]),
+        ("Lléveme a: lab 2.3.7", [GoTo("lab 2.3.7")]),
+        ("ve al dock, por favor", [GoTo("dock")]),
+        ("Por favor, llévanos a la recepción.", [GoTo("recepción")]),
+        ("Vuelva al dock.", [GoTo("dock")]),
+        ("regresa", [GoBack()]),
+        ("¡Salude!", [Say("Hola.")]),
+        ("diga: la reunión es a las doce", [Say("La reunión es a las doce.")]),
+        ("Di «¡Hola, María!»", [Say("¡Hola, María!")]),
+        ("gire a la derecha", [Turn(-90)]),
+        ("¿Qué ve?", [TakePhoto()]),
+        ("haz una foto", [TakePhoto()]),
+        ("¿Dónde estás?", [TellPose()]),
+        ("¿cuánta batería le queda?", [TellBattery()]),
+        ("¿Qué lugares hay?", [TellPlaces()]),
+        ("¿qué sabe hacer usted?", [TellAbilities()]),
     ],
 )
 def test_understands(text: str, actions: list[object]) -> None:
@@ -64,10 +86,38 @@ def test_understands(text: str, actions: list[object]) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "go", "make me a sandwich", "turn left and make me a sandwich", "tell me a joke", "turn", "\x00", "!?"]
+    "text",
+    [
+        "",
+        "go",
+        "make me a sandwich",
+        "turn left and make me a sandwich",
+        "tell me a joke",
+        "turn",
+        "\x00",
+        "!?",
+        "help yourself to a coffee",
+        "no vayas a la cocina",
+        "¿Dónde está la cocina?",
+        "salude y vuelva",
+    ],
 )
 def test_does_nothing_about_what_it_does_not_understand_in_whole(text: str) -> None:
     assert parse(text) == []
+
+
+@pytest.mark.parametrize("language", sorted(LOCALES.glob("??.ts")), ids=lambda path: path.stem)
+def test_understands_what_the_pages_suggest(language: Path) -> None:
+    words = language.read_text(encoding="utf-8")
+
+    def said(page: str, names: str) -> list[str]:
+        block = words[words.index(f"\n  {page}: {{") :]
+        return re.findall(rf'^    (?:{names}): "(.+)",$', block[: block.index("\n  }")], re.M)
+
+    suggested = said("suggestions", "abilities|where|photo|battery")
+    suggested += said("kiosk", "toThe|to|see|sayHello|where|abilities|battery")
+    assert len(suggested) == 11
+    assert [text for text in suggested if not parse(text.replace("{{place}}", "reception"))] == []
 
 
 def test_what_was_left_out_ends_with_one_full_stop() -> None:

@@ -128,7 +128,7 @@ async def test_what_staff_have_to_allow_waits_and_is_said_when_they_do(up: Up, o
         await expect(question).to_contain_text(f"asked by {NAME}")
         assert watched.spoken == []
         await supervisor.get_by_test_id("permission-allow").click()
-        await answered(page, "I said: “Hello.”")
+        await answered(page, "I said: “Hola.”")
         await watched.until(lambda: watched.spoken == ["Hello."], "the greeting")
 
         await page.get_by_test_id("kiosk-field").fill("say that the cake is a lie")
@@ -261,14 +261,14 @@ async def test_spanish(up: Up, open_page: Opener, pictures: Path) -> None:
         await wish(page, "Lléveme a: reception")
         await doing(page, "driving")
         await expect(page.get_by_test_id("kiosk-status")).to_have_text("Voy de camino a: reception.")
-        await answered(page, "I am at the reception")
+        await answered(page, "I am at reception.")
         assert watched.distance_to(start_pose.x, start_pose.y) > 1
     await expect(page.locator(".kiosk-asked")).to_contain_text("Lléveme a: reception")
     await wish(page, "Salude")
     await doing(page, "permission")
     await page.screenshot(path=pictures / "kiosk-waiting-es.png")
     await supervisor.get_by_test_id("permission-allow").click()
-    await answered(page, "I said: “Hello.”")
+    await answered(page, "I said: “Hola.”")
     await page.get_by_test_id("language-en").tap()
     await expect(page.get_by_test_id("stop")).to_have_text("Stop")
     await page.get_by_test_id("kiosk-start-over").tap()

@@ -1,4 +1,6 @@
-"""Commands in English, as a list of actions. Plain functions over text; knows nothing about this robot.
+"""Commands in English, and the simplest in Spanish, as a list of actions. Plain functions over text.
+
+It knows nothing about this robot.
 
 "Go to lab 2.3.7 and tell them that the meeting is at noon, then come back" is three actions. What is quoted, or
 follows "that", is speech up to the next ", then …" or the end.
@@ -8,6 +10,8 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+
+from backend.agent.offline.spanish import in_english
 
 
 @dataclass(frozen=True)
@@ -122,7 +126,7 @@ _COMMANDS = {
 def parse(text: str) -> list[Action]:
     """The actions that `text` asks for, in order; an empty list when any part of it is not understood."""
     quotes: list[str] = []
-    text = _COMMANDS.get(text.strip().lower(), text)
+    text = in_english(_COMMANDS.get(text.strip().lower(), text))
 
     def keep(match: re.Match[str]) -> str:
         quotes.append(match.group(1) if match.group(1) is not None else match.group(2))
@@ -189,6 +193,12 @@ def _looking(clause: str, _quotes: list[str]) -> list[Action]:
         re.I,
     ):
         return [TellPlaces()]
+    if re.fullmatch(
+        r"what\s+(?:can\s+you|are\s+you\s+able\s+to)\s+do(?:\s+for\s+(?:me|us))?|(?:how\s+can\s+you\s+)?help(?:\s+(?:me|us))?",
+        clause,
+        re.I,
+    ):
+        return [TellAbilities()]
     return []
 
 

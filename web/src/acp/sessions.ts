@@ -272,15 +272,14 @@ export async function prompt(text: string, author: string): Promise<void> {
   await listSessions().catch(() => undefined);
 }
 
-/** Sends a prompt and returns when its turn is over; `shown` is what the person reads, where that is put otherwise. */
+/** Sends a prompt and returns when its turn is over. */
 export async function send(
   peer: ClientContext,
   sessionId: string,
   text: string,
   author: string,
-  shown = text,
 ): Promise<void> {
-  change(sessionId, (conversation) => promptSent(conversation, shown, author, agentNow()));
+  change(sessionId, (conversation) => promptSent(conversation, text, author, agentNow()));
   try {
     const answer = await peer.request(methods.agent.session.prompt, {
       sessionId,

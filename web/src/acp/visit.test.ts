@@ -5,7 +5,7 @@ import { INITIAL, getState, setState } from "../state/store";
 import { receive, setAgent } from "./sessions";
 import { ask, endVisit } from "./visit";
 
-const HELLO = { shown: "Salude", english: "Say hello" };
+const HELLO = "Salude";
 
 interface Call {
   method: string;
@@ -25,10 +25,9 @@ function connect(): void {
 }
 
 /** A wish whose session the agent has begun and whose turn runs. */
-async function wished(model: string): Promise<void> {
+async function wished(): Promise<void> {
   void ask(HELLO, "Kiosk");
-  const option = { type: "select", id: "model", name: "Model", currentValue: model, options: [] };
-  asked(methods.agent.session.new)[0]?.answer({ sessionId: "s1", configOptions: [option] });
+  asked(methods.agent.session.new)[0]?.answer({ sessionId: "s1" });
   await vi.waitFor(() => expect(prompts()).toHaveLength(1));
 }
 
@@ -43,21 +42,16 @@ afterEach(() => {
   setAgent(null);
 });
 
-it("begins a session with the first wish, and puts it in English to the commands alone", async () => {
+it("begins a session with the first wish", async () => {
   expect(calls).toEqual([]);
-  await wished("offline/commands");
-  expect(prompts()).toEqual([[{ type: "text", text: "Say hello" }]]);
+  await wished();
+  expect(prompts()).toEqual([[{ type: "text", text: "Salude" }]]);
   const shown = getState().conversations["s1"]?.items[0];
   expect(shown?.kind === "user" && shown.blocks).toEqual([{ type: "text", text: "Salude" }]);
 });
 
-it("speaks the visitor's language to a model", async () => {
-  await wished("openai/some-model");
-  expect(prompts()).toEqual([[{ type: "text", text: "Salude" }]]);
-});
-
 it("closes the session at the end and keeps nothing, whatever comes late", async () => {
-  await wished("offline/commands");
+  await wished();
   endVisit();
   expect(asked(methods.agent.session.close)[0]?.params).toEqual({ sessionId: "s1" });
   const late = { type: "text" as const, text: "I said it." };

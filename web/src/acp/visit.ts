@@ -3,8 +3,6 @@
  * closed with the visit; of an earlier visit nothing is kept here, nothing in the address, nothing in the browser.
  */
 import { methods, RequestError, type ClientContext } from "@agentclientprotocol/sdk";
-import { EMPTY } from "../state/conversation";
-import { modelSetting } from "../state/settings";
 import { getState, setState } from "../state/store";
 import { learnAbilities } from "./abilities";
 import { end, start } from "./connection";
@@ -12,14 +10,6 @@ import { attach, load, send, theAgent } from "./sessions";
 
 const LEARN_MS = 5000;
 const CWD = "/";
-/** The model that is none: its grammar knows English only. */
-const COMMANDS = "offline/";
-
-/** What a visitor wants, as it is read, and as the English commands have it. */
-export interface Wish {
-  shown: string;
-  english: string;
-}
 
 /** Counts visits: what comes late for an earlier one is dropped. */
 let visit = 0;
@@ -71,15 +61,13 @@ async function goOn(peer: ClientContext): Promise<void> {
 }
 
 /** Asks for something and returns when the turn is over. Rejects when no session can be begun. */
-export async function ask(wish: Wish, author: string): Promise<void> {
+export async function ask(text: string, author: string): Promise<void> {
   const peer = theAgent();
   if (peer === null || getState().opening) return;
   const mine = visit;
   const sessionId = getState().currentId ?? (await begin(peer, mine));
   if (sessionId === null || mine !== visit) return;
-  const model = modelSetting(getState().conversations[sessionId] ?? EMPTY)?.current ?? "";
-  const text = model.startsWith(COMMANDS) ? wish.english : wish.shown;
-  await send(peer, sessionId, text, author, wish.shown);
+  await send(peer, sessionId, text, author);
 }
 
 async function begin(peer: ClientContext, mine: number): Promise<string | null> {

@@ -2,7 +2,7 @@
 import { useCallback, useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { stopRobot } from "../acp/connection";
-import { ask, endVisit, startKiosk, type Wish } from "../acp/visit";
+import { ask, endVisit, startKiosk } from "../acp/visit";
 import { StopButton } from "../components/stop-button";
 import { firstLanguage, speak } from "../i18n";
 import { canPrompt } from "../state/rights";
@@ -56,7 +56,7 @@ export default function Kiosk() {
   const { endsAt, stay } = useRest(SETTINGS.restMs, running && online, nobodyThere);
   const somethingToLose = visiting || text !== "" || i18n.language !== firstLanguage();
 
-  const want = (wish: Wish): void => {
+  const want = (wish: string): void => {
     setText("");
     setFailed(false);
     // A refusal of the prompt itself is part of the conversation; this is one of the session.
@@ -83,7 +83,7 @@ export default function Kiosk() {
               onText={setText}
               running={running}
               voice={SETTINGS.voice}
-              onSend={() => want({ shown: text.trim(), english: text.trim() })}
+              onSend={() => want(text.trim())}
             />
           </section>
         ) : (

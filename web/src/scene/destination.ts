@@ -7,7 +7,7 @@ export function destinationOf({ x, y, place }: Picked): Destination {
   return place === null ? { x, y } : { place };
 }
 
-/** English whatever the page's language is: the built-in commands know no other, and every model knows it. */
+/** English whatever the page's language is: of another language the built-in commands know little, and every model knows it. */
 export function promptFor(destination: Destination): string {
   if ("place" in destination) return `Go to ${destination.place}`;
   return `Go to the point x ${metres(destination.x)}, y ${metres(destination.y)}`;
