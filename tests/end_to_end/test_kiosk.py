@@ -128,7 +128,7 @@ async def test_what_staff_have_to_allow_waits_and_is_said_when_they_do(up: Up, o
         await expect(question).to_contain_text(f"asked by {NAME}")
         assert watched.spoken == []
         await supervisor.get_by_test_id("permission-allow").click()
-        await answered(page, "I said: “Hola.”")
+        await answered(page, "I said: “Hello.”")
         await watched.until(lambda: watched.spoken == ["Hello."], "the greeting")
 
         await page.get_by_test_id("kiosk-field").fill("say that the cake is a lie")
