@@ -1,0 +1,1 @@
+"""Who may do what, and when: policy, permissions, the control lease, attendance. No model can change any of it."""
