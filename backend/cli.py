@@ -306,13 +306,13 @@ def _token_revoke(settings: config.Settings, options: argparse.Namespace) -> int
 
 
 def _sessions_list(settings: config.Settings, _options: argparse.Namespace) -> int:
-    from backend.agent.export import list_sessions
+    from backend.agent.acp.export import list_sessions
 
     return asyncio.run(list_sessions(settings.database_url))
 
 
 def _sessions_export(settings: config.Settings, options: argparse.Namespace) -> int:
-    from backend.agent.export import print_session
+    from backend.agent.acp.export import print_session
 
     return asyncio.run(print_session(settings.database_url, options.id))
 

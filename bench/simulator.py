@@ -29,7 +29,7 @@ sys.path.insert(0, str(ROOT))
 
 from backend import telemetry  # noqa: E402
 from backend.config import Limits, Simulator  # noqa: E402
-from backend.mcp_robot import planner  # noqa: E402
+from backend.mcp_robot.navigation import planner  # noqa: E402
 from backend.mcp_robot.simulator import camera, world  # noqa: E402
 from backend.mcp_robot.simulator.laser import Laser  # noqa: E402
 from backend.mcp_robot.simulator.simulation import PLANNING_RADIUS, Simulation  # noqa: E402

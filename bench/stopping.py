@@ -30,8 +30,8 @@ from pathlib import Path
 import httpx
 
 from backend import config, telemetry
-from backend.agent.tool_server import ToolServer
-from backend.mcp_robot.guard import PERIOD
+from backend.agent.robot.mcp_client import McpClient
+from backend.mcp_robot.motion.guard import PERIOD
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 from tests.processes import Client, Robot, Watched, end, eventually
@@ -67,7 +67,7 @@ class Bench:
         self.watched = watched
         self.limits = limits
         url = f"http://127.0.0.1:{robot.robot_port}"
-        self.tools = ToolServer(url + "/mcp", robot.robot_headers, absent="The robot server is gone.")
+        self.tools = McpClient(url + "/mcp", robot.robot_headers, absent="The robot server is gone.")
         self._end = next(iter(ENDS))
         self.http = httpx.AsyncClient(base_url=url, headers=robot.robot_headers)
 

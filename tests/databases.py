@@ -21,7 +21,7 @@ from typing import Any, Protocol
 
 import pytest
 
-from backend.agent import database as database_module
+from backend.agent.sessions import database as database_module
 from tests.processes import free_port
 
 PASSWORD = "hunter2"

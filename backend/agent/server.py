@@ -12,22 +12,22 @@ from ipaddress import ip_address
 from acp.stdio import stdio_streams
 
 from backend import identity, wire
-from backend.agent import model
-from backend.agent.acp_server import AcpServer
-from backend.agent.attendance import Attendance
-from backend.agent.connection import ClientConnection
-from backend.agent.database import StoreError
-from backend.agent.house import House
-from backend.agent.journal import Journal
-from backend.agent.lease import Lease
-from backend.agent.offers import AllowList
-from backend.agent.people import People
-from backend.agent.policy import MODE_IDS, Policy
-from backend.agent.robot_link import RobotLink
-from backend.agent.sessions import Sessions
-from backend.agent.store import Store
-from backend.agent.tool_server import ToolServer
-from backend.agent.turn import Workbench
+from backend.agent.acp.connection import ClientConnection
+from backend.agent.acp.operations import Operations
+from backend.agent.acp.people import People
+from backend.agent.control.attendance import Attendance
+from backend.agent.control.lease import Lease
+from backend.agent.control.policy import MODE_IDS, Policy
+from backend.agent.robot.mcp_client import McpClient
+from backend.agent.robot.robot_client import RobotClient
+from backend.agent.robot.server_addresses import AllowList
+from backend.agent.sessions.database import StoreError
+from backend.agent.sessions.journal import Journal
+from backend.agent.sessions.sessions import Sessions
+from backend.agent.sessions.store import Store
+from backend.agent.turns import model
+from backend.agent.turns.turn import TurnEnvironment
+from backend.agent.wiring import Wiring
 from backend.config import ConfigError, Settings
 from backend.descriptors import raise_limit
 from backend.sockets import notice_loss
@@ -45,16 +45,16 @@ _ROBOT_ABSENT = "The robot server does not answer. Start it with `robot-acp robo
 
 async def serve(settings: Settings, *, stdio: bool = False) -> None:
     """Serve until cancelled, or, on stdio, until the client closes stdin. Raises `ConfigError`, `OSError`."""
-    async with _house(settings) as house:
+    async with _wiring(settings) as wiring:
         if stdio:
-            await _serve_stdio(house)
+            await _serve_stdio(wiring)
         else:
-            await _serve_tcp(house)
+            await _serve_tcp(wiring)
 
 
-async def _serve_tcp(house: House) -> None:
-    where = house.settings.agent
-    raise_limit(house.settings.bridge.max_connections + _DESCRIPTORS_KEPT)
+async def _serve_tcp(wiring: Wiring) -> None:
+    where = wiring.settings.agent
+    raise_limit(wiring.settings.bridge.max_connections + _DESCRIPTORS_KEPT)
     clients: set[asyncio.Task[None]] = set()
 
     async def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -66,7 +66,7 @@ async def _serve_tcp(house: House) -> None:
             plug.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             notice_loss(plug, _SILENCE_S, _PROBE_S)
             with contextlib.suppress(asyncio.CancelledError):  # our own end; asyncio would log it as an error
-                await _serve_client(house, reader, writer, local=_is_loopback(writer))
+                await _serve_client(wiring, reader, writer, local=_is_loopback(writer))
         finally:
             clients.discard(task)
 
@@ -77,24 +77,24 @@ async def _serve_tcp(house: House) -> None:
     finally:
         server.close()
         # Turns first, so that the robot stands before people lose sight of it; clients are not waited for.
-        await house.sessions.close()
+        await wiring.sessions.close()
         for task in list(clients):
             task.cancel()
         await asyncio.gather(*clients, return_exceptions=True)
 
 
-async def _serve_stdio(house: House) -> None:
+async def _serve_stdio(wiring: Wiring) -> None:
     reader, writer = await stdio_streams(limit=_STREAM_LIMIT)
-    await _serve_client(house, reader, writer, local=True)
+    await _serve_client(wiring, reader, writer, local=True)
 
 
 async def _serve_client(
-    house: House, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, *, local: bool
+    wiring: Wiring, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, *, local: bool
 ) -> None:
-    connection = ClientConnection(reader, writer, local, house.settings.agent.max_outbox_bytes)
-    server = AcpServer(house, connection)
+    connection = ClientConnection(reader, writer, local, wiring.settings.agent.max_outbox_bytes)
+    server = Operations(wiring, connection)
     serving = asyncio.create_task(connection.serve(server.router()), name=f"client {connection.id}")
-    watching = asyncio.create_task(_dismiss_when_login_ends(house.tokens, connection))
+    watching = asyncio.create_task(_dismiss_when_login_ends(wiring.tokens, connection))
     try:
         await asyncio.wait({serving, watching}, return_when=asyncio.FIRST_COMPLETED)
     finally:
@@ -113,7 +113,7 @@ async def _dismiss_when_login_ends(tokens: Registry, connection: ClientConnectio
 
 
 @contextlib.asynccontextmanager
-async def _house(settings: Settings) -> AsyncIterator[House]:
+async def _wiring(settings: Settings) -> AsyncIterator[Wiring]:
     """Everything that connections share, running; ended in the reverse order."""
     agent = settings.agent
     if agent.default_mode not in MODE_IDS:
@@ -127,8 +127,8 @@ async def _house(settings: Settings) -> AsyncIterator[House]:
     ours = agent.robot_url is None
     bearer = identity.shared_secret(settings.data_dir, identity.ROBOT_TOKEN).decode() if ours else None
     headers = {"Authorization": f"Bearer {bearer}"} if bearer else None
-    tools = ToolServer(settings.robot_mcp_url, headers, absent=_ROBOT_ABSENT)
-    link = RobotLink(settings.robot_mcp_url if ours else None, bearer)
+    tools = McpClient(settings.robot_mcp_url, headers, absent=_ROBOT_ABSENT)
+    link = RobotClient(settings.robot_mcp_url if ours else None, bearer)
     tokens = Registry(settings.data_dir)
     store = Store(settings.database_url)
     try:
@@ -138,13 +138,13 @@ async def _house(settings: Settings) -> AsyncIterator[House]:
     journal = Journal(store)
     sessions = Sessions(store, journal, tools, agent.pose_tool, agent.permission_timeout)
     lease = Lease()
-    house = House(
+    wiring = Wiring(
         settings=settings,
         tokens=tokens,
         sessions=sessions,
         journal=journal,
         link=link,
-        bench=Workbench(
+        turns=TurnEnvironment(
             robot_name=settings.robot.name,
             tools=tools,
             policy=policy,
@@ -166,11 +166,11 @@ async def _house(settings: Settings) -> AsyncIterator[House]:
         asyncio.create_task(journal.run(), name="journal"),
         asyncio.create_task(link.run(), name="robot link"),
         asyncio.create_task(Attendance(sessions, lease, agent.unattended_after).run(), name="attendance"),
-        asyncio.create_task(house.people.run(), name="people"),
+        asyncio.create_task(wiring.people.run(), name="people"),
         asyncio.create_task(_warm_up(tools), name="warm up"),
     ]
     try:
-        yield house
+        yield wiring
     finally:
         await sessions.close()
         await journal.flush()
@@ -181,7 +181,7 @@ async def _house(settings: Settings) -> AsyncIterator[House]:
         await store.close()
 
 
-async def _warm_up(tools: ToolServer) -> None:
+async def _warm_up(tools: McpClient) -> None:
     """Load the model library and connect to the robot before anybody asks."""
     with contextlib.suppress(Exception):
         await tools.tools()  # a robot that is not there yet is no error: the first prompt connects again

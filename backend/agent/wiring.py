@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from backend.agent.journal import Journal
-from backend.agent.offers import AllowList
-from backend.agent.people import People
-from backend.agent.robot_link import RobotLink
-from backend.agent.sessions import Sessions
-from backend.agent.turn import Workbench
+from backend.agent.acp.people import People
+from backend.agent.robot.robot_client import RobotClient
+from backend.agent.robot.server_addresses import AllowList
+from backend.agent.sessions.journal import Journal
+from backend.agent.sessions.sessions import Sessions
+from backend.agent.turns.turn import TurnEnvironment
 from backend.config import Settings
 from backend.tokens import Registry
 
 
 @dataclass(frozen=True)
-class House:
+class Wiring:
     """One agent. `models` are the names that people may choose, the default first; `offers`
     judges the MCP servers that clients bring."""
 
@@ -23,8 +23,8 @@ class House:
     tokens: Registry
     sessions: Sessions
     journal: Journal
-    link: RobotLink
-    bench: Workbench
+    link: RobotClient
+    turns: TurnEnvironment
     models: tuple[str, ...]
     offers: AllowList
     people: People

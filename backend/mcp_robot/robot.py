@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
-from backend.mcp_robot.grid import OccupancyGrid
+from backend.mcp_robot.navigation.grid import OccupancyGrid
 from backend.telemetry import Battery, Place, Pose, Scan, Twist
 
 PlaceKind = Literal["space", "docking"]

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Protocol
 
 from backend.config import Settings
-from backend.mcp_robot import keep_out
-from backend.mcp_robot.grid import Floats
+from backend.mcp_robot.motion import keep_out
+from backend.mcp_robot.navigation.grid import Floats
 from backend.mcp_robot.robot import Robot, TopologicalMap
 from backend.mcp_robot.simulator import world
 from backend.mcp_robot.simulator.simulated_robot import SimulatedRobot

@@ -17,11 +17,12 @@ from starlette.applications import Starlette
 
 from backend import config, identity
 from backend.config import Settings
-from backend.mcp_robot import robots, tools
-from backend.mcp_robot import stdio as stdio_transport
-from backend.mcp_robot.app import create_app
-from backend.mcp_robot.pilot import Pilot
-from backend.mcp_robot.stop import StopLatch
+from backend.mcp_robot import robots
+from backend.mcp_robot.http.app import create_app
+from backend.mcp_robot.motion.pilot import Pilot
+from backend.mcp_robot.motion.stop import StopLatch
+from backend.mcp_robot.tools import catalogue
+from backend.mcp_robot.tools import stdio as stdio_transport
 from backend.sockets import notice_loss
 
 logger = logging.getLogger(__name__)
@@ -42,7 +43,7 @@ async def serve(settings: Settings, *, stdio: bool = False, on_ready: Callable[[
     robot, zones = robots.build(settings)
     pilot = Pilot(robot, StopLatch(settings.data_dir), robot_settings.limits, zones)
     robot.on_reroute = pilot.rerouted
-    mcp = tools.build(pilot)
+    mcp = catalogue.build(pilot)
     token = identity.shared_secret(settings.data_dir, identity.ROBOT_TOKEN)
     with contextlib.closing(_listen(robot_settings)) as listener:
         http = _Http(create_app(pilot, mcp, token, robot_settings.host), pilot, on_ready)

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from backend.agent.store import Store
+from backend.agent.sessions.store import Store
 from backend.identity import Role
 from tests.processes import PATIENCE_S, Client, Robot, Watched, end, eventually, listens
 
@@ -37,7 +37,8 @@ A_WHILE = 10
 PRELOADED_AGENT = """
 import asyncio, sys
 from backend import cli
-from backend.agent import model, server
+from backend.agent import server
+from backend.agent.turns import model
 asyncio.run(model.ready())
 if sys.stdin.readline():
     sys.exit(cli.main(["agent"]))

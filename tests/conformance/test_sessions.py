@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from backend.agent.sessions import PAGE
+from backend.agent.sessions.sessions import PAGE
 from backend.identity import Role
 from tests.conformance.cases import shows
 from tests.conformance.recorded_client import LONG, RecordedClient, Refused

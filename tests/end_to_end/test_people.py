@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from playwright.async_api import Locator, Page, expect
 
-from backend.agent.sessions import PAGE
+from backend.agent.sessions.sessions import PAGE
 from backend.identity import Role
 from tests.end_to_end import screens
 from tests.end_to_end.conftest import Opener, Up, start

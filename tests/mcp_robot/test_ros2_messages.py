@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from backend.mcp_robot.grid import FREE, OCCUPIED, UNKNOWN
+from backend.mcp_robot.navigation.grid import FREE, OCCUPIED, UNKNOWN
 from backend.mcp_robot.ros2 import convert, definitions, failures
 from backend.mcp_robot.ros2.frames import Frames, Link, compose, inverse
 from backend.telemetry import Pose

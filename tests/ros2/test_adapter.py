@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from backend.telemetry import Pose
-from tests.mcp_robot.test_tools import apart, call, refused
+from tests.mcp_robot.tools.test_tools import apart, call, refused
 from tests.processes import eventually
 from tests.ros2.conftest import Setting, node
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from tests.mcp_robot.test_tools import refused
+from tests.mcp_robot.tools.test_tools import refused
 from tests.processes import PATIENCE_S, eventually
 from tests.ros2.conftest import Setting, node
 

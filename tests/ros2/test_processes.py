@@ -59,7 +59,7 @@ async def test_a_robot_of_an_older_distribution_is_driven_and_its_failure_told(
         assert "on the domain" in await asyncio.to_thread(stand_in.stdout.readline)
         with robot.running("robot", "--robot", "ros2", "--ros2-demo", port=robot.robot_port):
             from tests.mcp_robot.conftest import Served
-            from tests.mcp_robot.test_tools import call
+            from tests.mcp_robot.tools.test_tools import call
 
             served = Served(robot.robot_port, robot.robot_headers["Authorization"].removeprefix("Bearer "))
             async with served.mcp() as client:

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.mcp_robot.test_tools import call, refused
+from tests.mcp_robot.tools.test_tools import call, refused
 from tests.processes import eventually
 from tests.ros2.conftest import Setting, node
 

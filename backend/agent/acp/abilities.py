@@ -8,12 +8,12 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
-from backend.agent.tool_server import ServerUnavailable, ToolServer
+from backend.agent.robot.mcp_client import McpClient, ServerUnavailable
 
 LOOK_TIMEOUT_S = 2.0
 
 
-async def look(tools: ToolServer, name: str) -> dict[str, Any] | None:
+async def look(tools: McpClient, name: str) -> dict[str, Any] | None:
     """What the tool `name`, which only looks, says now; None when the robot is not there or has no such tool."""
     try:
         async with asyncio.timeout(LOOK_TIMEOUT_S):
@@ -25,7 +25,7 @@ async def look(tools: ToolServer, name: str) -> dict[str, Any] | None:
     return result.structured if not result.failed and isinstance(result.structured, dict) else None
 
 
-async def abilities(tools: ToolServer, places_tool: str) -> dict[str, Any]:
+async def abilities(tools: McpClient, places_tool: str) -> dict[str, Any]:
     """The answer to `_robot/abilities`. Raises `ServerUnavailable`."""
     known = await tools.tools()
     told = await look(tools, places_tool) or {}

@@ -10,8 +10,8 @@ from typing import Any
 from acp.exceptions import RequestError
 
 from backend import wire
-from backend.agent.session import Session
-from backend.agent.sessions import Sessions
+from backend.agent.sessions.session import Session
+from backend.agent.sessions.sessions import Sessions
 
 MOST = 500
 """Events of one page."""

@@ -13,9 +13,9 @@ import orjson
 from acp.exceptions import RequestError
 
 from backend import wire
-from backend.agent.database import StoreError
-from backend.agent.session import Listener, Session
-from backend.agent.store import Event, Store
+from backend.agent.sessions.database import StoreError
+from backend.agent.sessions.session import Listener, Session
+from backend.agent.sessions.store import Event, Store
 from backend.config import ConfigError
 
 _FRAME_ROOM = 64 * 1024

@@ -12,13 +12,13 @@ from typing import Any
 from acp.exceptions import RequestError
 
 from backend import wire
-from backend.agent.abilities import abilities
-from backend.agent.event_page import event_page
-from backend.agent.house import House
-from backend.agent.lease import SomebodyElse
-from backend.agent.rights import Rights
-from backend.agent.robot_link import RobotLinkError
-from backend.agent.tool_server import ServerUnavailable
+from backend.agent.acp.abilities import abilities
+from backend.agent.acp.event_page import event_page
+from backend.agent.acp.rights import Rights
+from backend.agent.control.lease import SomebodyElse
+from backend.agent.robot.mcp_client import ServerUnavailable
+from backend.agent.robot.robot_client import RobotError
+from backend.agent.wiring import Wiring
 from backend.identity import Right
 
 EXTENSIONS = (
@@ -37,8 +37,8 @@ EXTENSIONS = (
 class Extensions:
     """Those of one connection. `leave` lets it no longer watch a session."""
 
-    def __init__(self, house: House, rights: Rights, leave: Callable[[str], None]) -> None:
-        self._house = house
+    def __init__(self, wiring: Wiring, rights: Rights, leave: Callable[[str], None]) -> None:
+        self._wiring = wiring
         self._rights = rights
         self._leave = leave
         self._reading = asyncio.Lock()
@@ -46,39 +46,39 @@ class Extensions:
 
     async def call(self, name: str, params: dict[str, Any]) -> dict[str, Any]:
         """`stop`, `leave`, `events` and `abilities` for everyone, `release` and `take_over` for supervisors."""
-        house, rights = self._house, self._rights
+        wiring, rights = self._wiring, self._rights
         try:
             if name == "robot/stop":
-                return await house.link.stop(rights.known().name)
+                return await wiring.link.stop(rights.known().name)
             if name == "robot/release":
-                return await house.link.release(rights.authorized(Right.RELEASE).name)
+                return await wiring.link.release(rights.authorized(Right.RELEASE).name)
             if name == "robot/take_over":
                 return self._take_over(rights.authorized(Right.TAKE_OVER).name, params)
             if name == "robot/leave":
                 session_id = str(params.get("sessionId"))
-                await house.sessions.get(session_id, rights.known())  # behind a load that waits for the database
+                await wiring.sessions.get(session_id, rights.known())  # behind a load that waits for the database
                 self._leave(session_id)
                 return {}
             if name == "robot/events":
                 return await self._events(params)
             if name == "robot/abilities":
                 rights.known()
-                return await abilities(house.bench.tools, house.settings.agent.places_tool)
-        except (RobotLinkError, ServerUnavailable) as error:
+                return await abilities(wiring.turns.tools, wiring.settings.agent.places_tool)
+        except (RobotError, ServerUnavailable) as error:
             raise RequestError(wire.INTERNAL_ERROR, str(error)) from None
         raise RequestError(wire.METHOD_NOT_FOUND, f"There is no method _{name}.")
 
     async def _events(self, params: dict[str, Any]) -> dict[str, Any]:
         async with self._reading:
             session = await self._rights.session(str(params.get("sessionId")))
-            return await event_page(self._house.sessions, session, params)
+            return await event_page(self._wiring.sessions, session, params)
 
     def _take_over(self, by: str, params: dict[str, Any]) -> dict[str, Any]:
         meant = params.get("from")
         if meant is not None and not isinstance(meant, str):
             raise RequestError(wire.INVALID_PARAMS, "from must be the id of a session.")
         try:
-            loser = self._house.bench.lease.take_over(params.get("sessionId"), by, meant)
+            loser = self._wiring.turns.lease.take_over(params.get("sessionId"), by, meant)
         except SomebodyElse as other:
             raise RequestError(wire.INVALID_PARAMS, str(other), {"holder": other.holder}) from None
         return {"from": loser.by if loser else None}

@@ -13,16 +13,16 @@ from acp.schema import (
 )
 
 from backend import __version__
-from backend.agent.extensions import EXTENSIONS
-from backend.agent.house import House
+from backend.agent.acp.extensions import EXTENSIONS
+from backend.agent.wiring import Wiring
 from backend.identity import Identity
 
 PROTOCOL_VERSION = 1
 
 
-def hello(house: House, who: Identity | None) -> InitializeResponse:
+def hello(wiring: Wiring, who: Identity | None) -> InitializeResponse:
     """The answer to `who`, None before the login."""
-    robot = house.settings.robot.name
+    robot = wiring.settings.robot.name
     about = {"extensions": list(EXTENSIONS), "robot": robot}
     if who:
         about |= {"role": who.role.value, "name": who.name}
@@ -33,7 +33,7 @@ def hello(house: House, who: Identity | None) -> InitializeResponse:
         agent_capabilities=AgentCapabilities(
             load_session=True,
             prompt_capabilities=PromptCapabilities(image=True, audio=False, embedded_context=True),
-            mcp_capabilities=McpCapabilities(http=bool(house.offers), sse=False),
+            mcp_capabilities=McpCapabilities(http=bool(wiring.offers), sse=False),
             session_capabilities=SessionCapabilities.model_validate(
                 {"list": {}, "resume": {}, "fork": {}, "close": {}, "delete": {}}
             ),

@@ -29,17 +29,17 @@ from acp.schema import (
 from pydantic import BaseModel, Field
 
 from backend import identity, wire
-from backend.agent import commands, options
-from backend.agent.connection import ClientConnection, after_the_answer
-from backend.agent.extensions import Extensions
-from backend.agent.hello import hello
-from backend.agent.house import House
-from backend.agent.offers import Offer, OfferRefused
-from backend.agent.rights import Rights, no_session
-from backend.agent.robot_link import RobotLinkError
-from backend.agent.session import QueueFull, Session
-from backend.agent.telemetry_feed import TelemetryFeed
-from backend.agent.turn import Turn
+from backend.agent.acp import commands, settings
+from backend.agent.acp.connection import ClientConnection, after_the_answer
+from backend.agent.acp.extensions import Extensions
+from backend.agent.acp.initialize import hello
+from backend.agent.acp.rights import Rights, no_session
+from backend.agent.acp.telemetry import TelemetryFeed
+from backend.agent.robot.robot_client import RobotError
+from backend.agent.robot.server_addresses import Offer, ServerRefused
+from backend.agent.sessions.session import QueueFull, Session
+from backend.agent.turns.turn import Turn
+from backend.agent.wiring import Wiring
 from backend.identity import Identity, Right, Role
 from backend.tokens import RegistryError
 
@@ -59,19 +59,19 @@ class SetModelRequest(BaseModel):
     field_meta: dict[str, Any] | None = Field(None, alias="_meta")
 
 
-class AcpServer:
+class Operations:
     """The agent as one client sees it. A plain class, so that an operation that is missing is an error."""
 
-    def __init__(self, house: House, connection: ClientConnection) -> None:
-        self._house = house
+    def __init__(self, wiring: Wiring, connection: ClientConnection) -> None:
+        self._wiring = wiring
         self._connection = connection
         self._attached: dict[str, Session] = {}
         self._attaching = asyncio.Lock()
-        self._rights = Rights(house, connection)
-        self._extensions = Extensions(house, self._rights, self._detach)
+        self._rights = Rights(wiring, connection)
+        self._extensions = Extensions(wiring, self._rights, self._detach)
         self._greeted = False
         self._feed: TelemetryFeed | None = None
-        house.people.enter(connection, self._attached)
+        wiring.people.enter(connection, self._attached)
 
     def router(self) -> MessageRouter:
         """The SDK's routes, and those that it lacks."""
@@ -83,7 +83,7 @@ class AcpServer:
 
     def left(self) -> None:
         """The client has gone."""
-        self._house.people.leave(self._connection)
+        self._wiring.people.leave(self._connection)
         self._detach_all()
         if self._feed:
             self._feed.close()
@@ -100,11 +100,11 @@ class AcpServer:
         """Agree on the version, and learn who this is: by the bridge's token, or because it comes from here."""
         del protocol_version, client_info  # there is one version
         if self._greeted:
-            return hello(self._house, self._connection.identity)  # who this is has been settled, and stays
+            return hello(self._wiring, self._connection.identity)  # who this is has been settled, and stays
         token = (meta or {}).get(wire.TOKEN_META)
         if token is not None:
             self._identify(token)
-        elif self._connection.local and self._house.settings.agent.trust_loopback:
+        elif self._connection.local and self._wiring.settings.agent.trust_loopback:
             self._connection.identity = Identity("local", Role.SUPERVISOR)
         capabilities = client_capabilities.model_dump(by_alias=True) if client_capabilities else {}
         self._greeted = True
@@ -112,7 +112,7 @@ class AcpServer:
         log.info("client %s: %s", self._connection.id, f"{who.name}, {who.role.value}" if who else "not logged in")
         self._connection.client_capabilities = capabilities
         self._follow_robot((capabilities.get("_meta") or {}).get("robot-acp/telemetry"))
-        return hello(self._house, self._connection.identity)
+        return hello(self._wiring, self._connection.identity)
 
     async def authenticate(self, method_id: str, meta: dict[str, Any] | None = None) -> AuthenticateResponse:
         """Prove who one is with a token in `_meta`."""
@@ -134,7 +134,7 @@ class AcpServer:
         """Who this is has changed, and so may what it may see and be asked."""
         who = self._rights.known()
         for session in list(self._attached.values()):
-            if not self._house.sessions.shows(session, who):
+            if not self._wiring.sessions.shows(session, who):
                 self._detach(session.id)
             elif self._connection in session.watching:  # else it is judged when it is attached
                 session.judge(self._connection)
@@ -145,12 +145,12 @@ class AcpServer:
 
     def _detach_all(self) -> None:
         self._attached.clear()
-        for session in self._house.sessions.open_sessions:
+        for session in self._wiring.sessions.open_sessions:
             session.detach(self._connection)
 
     def _identify(self, token: object) -> None:
         try:
-            self._connection.identity = self._house.tokens.verify(str(token))
+            self._connection.identity = self._wiring.tokens.verify(str(token))
         except (identity.InvalidToken, RegistryError) as error:
             raise RequestError(wire.AUTH_REQUIRED, str(error)) from None
 
@@ -167,11 +167,11 @@ class AcpServer:
         del additional_directories, meta
         who = self._rights.authorized(Right.PROMPT)
         offers = self._offers(mcp_servers)
-        settings = self._house.settings.agent
-        session = await self._house.sessions.create(who.name, cwd, settings.default_mode, settings.model)
+        agent = self._wiring.settings.agent
+        session = await self._wiring.sessions.create(who.name, cwd, agent.default_mode, agent.model)
         await session.offered.take(offers)
         await self._attach(session)
-        return {"sessionId": session.id} | options.state(session, self._house.models)
+        return {"sessionId": session.id} | settings.state(session, self._wiring.models)
 
     async def load_session(
         self,
@@ -216,10 +216,10 @@ class AcpServer:
         del cwd, additional_directories, meta
         who = self._rights.authorized(Right.PROMPT)
         offers = self._offers(mcp_servers)
-        fork = await self._house.sessions.fork(await self._rights.session(session_id), who.name)
+        fork = await self._wiring.sessions.fork(await self._rights.session(session_id), who.name)
         await fork.offered.take(offers)  # those of the original stay there: their headers are somebody's secrets
         await self._attach(fork)
-        return {"sessionId": fork.id} | options.state(fork, self._house.models)
+        return {"sessionId": fork.id} | settings.state(fork, self._wiring.models)
 
     async def list_sessions(
         self, cwd: str | None = None, cursor: str | None = None, meta: dict[str, Any] | None = None
@@ -230,18 +230,18 @@ class AcpServer:
         words = (meta or {}).get(_SEARCH, "")
         if not isinstance(words, str):
             raise RequestError(wire.INVALID_PARAMS, f"{_SEARCH} must be text.")
-        rows = await self._house.sessions.page(who, options.read_cursor(cursor), words)
+        rows = await self._wiring.sessions.page(who, settings.read_cursor(cursor), words)
         infos = [
             SessionInfo(
                 session_id=row.id,
                 cwd=row.cwd,
                 title=row.title,
-                updated_at=options.iso(row.updated),
+                updated_at=settings.iso(row.updated),
                 field_meta={_OWNER: row.owner} | self._running(row.id),
             )
             for row in rows
         ]
-        return ListSessionsResponse(sessions=infos, next_cursor=options.next_cursor(rows))
+        return ListSessionsResponse(sessions=infos, next_cursor=settings.next_cursor(rows))
 
     async def close_session(self, session_id: str, meta: dict[str, Any] | None = None) -> CloseSessionResponse:
         """End what runs in the session, and stop watching it."""
@@ -255,7 +255,7 @@ class AcpServer:
         """Remove the session and its log."""
         del meta
         session = await self._rights.own(session_id)
-        await self._house.sessions.delete(session)
+        await self._wiring.sessions.delete(session)
         self._attached.pop(session_id, None)
         return {}
 
@@ -277,14 +277,14 @@ class AcpServer:
         else:
             self._rights.authorized(Right.PROMPT)
             session = await self._rights.own(session_id)
-            if self._house.journal.failure:
-                raise RequestError(wire.INTERNAL_ERROR, self._house.journal.failure)
+            if self._wiring.journal.failure:
+                raise RequestError(wire.INTERNAL_ERROR, self._wiring.journal.failure)
         if self._connection not in session.watching:
             await self._watch(session)  # behind no replay: a cancel that comes next must find the turn
-        turn = Turn(self._house.bench, session, who, blocks, self._connection, stopped)
+        turn = Turn(self._wiring.turns, session, who, blocks, self._connection, stopped)
 
         async def work() -> str:
-            if session.row.start_pose is None and (pose := await self._house.sessions.robot_pose()):
+            if session.row.start_pose is None and (pose := await self._wiring.sessions.robot_pose()):
                 session.change(start_pose=pose)
             return await turn.run()
 
@@ -298,8 +298,8 @@ class AcpServer:
     async def _stopped(self, who: Identity) -> str:
         """Stop the robot, and tell in words what came of it."""
         try:
-            await self._house.link.stop(who.name)
-        except RobotLinkError as error:
+            await self._wiring.link.stop(who.name)
+        except RobotError as error:
             return str(error)
         return "I am stopped. A supervisor has to release me."
 
@@ -330,12 +330,12 @@ class AcpServer:
         self._rights.authorized(Right.CONFIGURE)
         session = await self._rights.own(session_id)
         try:
-            updates = options.change(session, config_id, value, self._house.models)
+            updates = settings.change(session, config_id, value, self._wiring.models)
         except ValueError as error:
             raise RequestError(wire.INVALID_PARAMS, str(error)) from None
         for update in updates:
             session.record(update)
-        return {"configOptions": options.config_options(session, self._house.models)}
+        return {"configOptions": settings.config_options(session, self._wiring.models)}
 
     # Extensions
 
@@ -351,8 +351,8 @@ class AcpServer:
     def _offers(self, servers: list[Any] | None) -> tuple[Offer, ...]:
         who = self._rights.known()
         try:
-            return self._house.offers.read(servers or [], role=who.role, may_offer=who.may(Right.OFFER_SERVERS))
-        except OfferRefused as refused:
+            return self._wiring.offers.read(servers or [], role=who.role, may_offer=who.may(Right.OFFER_SERVERS))
+        except ServerRefused as refused:
             raise RequestError(refused.code, str(refused)) from None
 
     async def _reopened(self, session_id: str, servers: list[Any] | None) -> Session:
@@ -371,14 +371,14 @@ class AcpServer:
                 await self._watch(session, after)
 
     async def _watch(self, session: Session, after: int | None = None) -> None:
-        if not self._house.sessions.shows(session, self._rights.known()):  # the login may have changed meanwhile
+        if not self._wiring.sessions.shows(session, self._rights.known()):  # the login may have changed meanwhile
             self._attached.pop(session.id, None)
             raise no_session(session.id)
         self._attached[session.id] = session
         if after is None:
             await session.attach(self._connection)
         else:
-            await session.attach(self._connection, lambda upto: self._house.sessions.replay(session, after, upto))
+            await session.attach(self._connection, lambda upto: self._wiring.sessions.replay(session, after, upto))
         after_the_answer(lambda: self._tell_commands(session.id))
 
     def _tell_commands(self, session_id: str) -> None:
@@ -387,15 +387,15 @@ class AcpServer:
         self._connection.deliver(orjson.dumps(message, option=orjson.OPT_APPEND_NEWLINE))
 
     def _opened(self, session: Session) -> dict[str, Any]:
-        answer = options.state(session, self._house.models)
+        answer = settings.state(session, self._wiring.models)
         answer["_meta"] |= self._running(session.id)
         return answer
 
     def _running(self, session_id: str) -> dict[str, Any]:
         """The `_meta` that tells of the turn that runs in a session; empty between turns."""
-        turn_id = self._house.sessions.turn_of(session_id)
+        turn_id = self._wiring.sessions.turn_of(session_id)
         return {_TURN: {"id": turn_id, "state": "running"}} if turn_id is not None else {}
 
     def _follow_robot(self, wanted: Any) -> None:
         if isinstance(wanted, dict):
-            self._feed = TelemetryFeed(self._house, self._connection, wanted.get("rate"))
+            self._feed = TelemetryFeed(self._wiring, self._connection, wanted.get("rate"))

@@ -12,8 +12,8 @@ from typing import Any
 
 import orjson
 
-from backend.agent.connection import ClientConnection
-from backend.agent.session import Session
+from backend.agent.acp.connection import ClientConnection
+from backend.agent.sessions.session import Session
 
 METHOD = "_robot/people"
 EVERY_S = 1.0

@@ -5,17 +5,17 @@ from __future__ import annotations
 from acp.exceptions import RequestError
 
 from backend import wire
-from backend.agent.connection import ClientConnection
-from backend.agent.house import House
-from backend.agent.session import Session
+from backend.agent.acp.connection import ClientConnection
+from backend.agent.sessions.session import Session
+from backend.agent.wiring import Wiring
 from backend.identity import Identity, Right
 
 
 class Rights:
     """Those of one connection, at this moment. Everything raises `RequestError` where the answer is no."""
 
-    def __init__(self, house: House, connection: ClientConnection) -> None:
-        self._house = house
+    def __init__(self, wiring: Wiring, connection: ClientConnection) -> None:
+        self._wiring = wiring
         self._connection = connection
 
     def known(self) -> Identity:
@@ -36,7 +36,7 @@ class Rights:
 
     async def session(self, session_id: str) -> Session:
         """A session that this person may see."""
-        session = await self._house.sessions.get(session_id, self.known())
+        session = await self._wiring.sessions.get(session_id, self.known())
         if session is None:
             raise no_session(session_id)
         return session

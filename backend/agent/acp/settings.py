@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from backend.agent import present
-from backend.agent.policy import MODE_IDS, MODES
-from backend.agent.session import Session
-from backend.agent.sessions import PAGE
-from backend.agent.store import SessionRow
+from backend.agent.acp import updates
+from backend.agent.control.policy import MODE_IDS, MODES
+from backend.agent.sessions.session import Session
+from backend.agent.sessions.sessions import PAGE
+from backend.agent.sessions.store import SessionRow
 
 
 def state(session: Session, models: Sequence[str]) -> dict[str, Any]:
@@ -70,14 +70,14 @@ def config_options(session: Session, models: Sequence[str]) -> list[dict[str, An
     ]
 
 
-def change(session: Session, config_id: str, value: object, models: Sequence[str]) -> list[present.Update]:
+def change(session: Session, config_id: str, value: object, models: Sequence[str]) -> list[updates.Update]:
     """Set an option and return the updates that tell everyone. Raises `ValueError` with what can be chosen."""
-    updates: list[present.Update] = []
+    changed: list[updates.Update] = []
     if config_id == "mode":
         if value not in MODE_IDS:
             raise ValueError(f"There is no such mode. Modes: {', '.join(m.id for m in MODES)}.")
         session.change(mode=value)
-        updates.append(present.current_mode(str(value)))
+        changed.append(updates.current_mode(str(value)))
     elif config_id == "model":
         if value not in models:
             raise ValueError(f"There is no such model. Models: {', '.join(models)}.")
@@ -88,7 +88,7 @@ def change(session: Session, config_id: str, value: object, models: Sequence[str
         session.change(**{config_id: value})
     else:
         raise ValueError("There is no such setting. Settings: mode, model, thought, motion_asks.")
-    return [*updates, present.config_options(config_options(session, models))]
+    return [*changed, updates.config_options(config_options(session, models))]
 
 
 def iso(time: float) -> str:

@@ -14,8 +14,8 @@ import orjson
 from backend import telemetry
 
 if TYPE_CHECKING:
-    from backend.agent.connection import ClientConnection
-    from backend.agent.house import House
+    from backend.agent.acp.connection import ClientConnection
+    from backend.agent.wiring import Wiring
 
 METHOD = "_robot/telemetry"
 DEFAULT_HZ = 2.0
@@ -27,15 +27,15 @@ MAX_HZ = 10.0
 class TelemetryFeed:
     """Sends the robot's state to one connection until closed."""
 
-    def __init__(self, house: House, connection: ClientConnection, rate_hz: object) -> None:
+    def __init__(self, wiring: Wiring, connection: ClientConnection, rate_hz: object) -> None:
         wanted = rate_hz if isinstance(rate_hz, int | float) and not isinstance(rate_hz, bool) else DEFAULT_HZ
         self._every_s = 1 / min(max(float(wanted), MIN_HZ), MAX_HZ)
-        self._house = house
+        self._wiring = wiring
         self._connection = connection
         self._sent_at = 0.0
         self._sent_key: object = None
-        self.close = house.link.watch(self._send)
-        self._send(house.link.state)
+        self.close = wiring.link.watch(self._send)
+        self._send(wiring.link.state)
 
     def _send(self, state: telemetry.State | None) -> None:
         if self._connection.identity is None:
@@ -51,7 +51,7 @@ class TelemetryFeed:
 
     def _params(self, state: telemetry.State | None) -> dict[str, Any]:
         turn = self._turn()
-        name = self._house.settings.robot.name
+        name = self._wiring.settings.robot.name
         if state is None:
             return {"robot": name, "online": False, "turn": turn}
         return {
@@ -70,7 +70,7 @@ class TelemetryFeed:
 
     def _turn(self) -> dict[str, Any] | None:
         """Whose turn controls the robot. Who is in line for it is nobody's business who may not operate it."""
-        lease = self._house.bench.lease
+        lease = self._wiring.turns.lease
         if lease.holder is None:
             return None
         turn = {"sessionId": lease.holder.session_id, "by": lease.holder.by, "queue": len(lease.waiting)}

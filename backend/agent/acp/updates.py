@@ -8,9 +8,9 @@ from __future__ import annotations
 import json
 from typing import Any, Literal
 
-from backend.agent.permissions import Verdict
-from backend.agent.phases import Phase
-from backend.agent.tool_server import Progress, Tool, ToolResult
+from backend.agent.control.permissions import Verdict
+from backend.agent.robot.mcp_client import Progress, Tool, ToolResult
+from backend.agent.turns.phases import Phase
 
 Update = dict[str, Any]
 ToolStatus = Literal["pending", "in_progress", "completed", "failed"]

@@ -10,8 +10,8 @@ import asyncio
 import logging
 import time
 
-from backend.agent.lease import Lease
-from backend.agent.sessions import Sessions
+from backend.agent.control.lease import Lease
+from backend.agent.sessions.sessions import Sessions
 
 log = logging.getLogger(__name__)
 

@@ -12,8 +12,8 @@ import logging
 from typing import Any
 
 from backend import telemetry
-from backend.agent import present
-from backend.agent.tool_server import ServerUnavailable, Tool, ToolResult, ToolServer
+from backend.agent.acp import updates
+from backend.agent.robot.mcp_client import McpClient, ServerUnavailable, Tool, ToolResult
 
 log = logging.getLogger(__name__)
 
@@ -40,11 +40,11 @@ def not_stopped(tool: Tool, state: telemetry.State | None) -> None:
     is decided in the robot server, where the stop is."""
     if tool.server is None and not tool.read_only and state is not None and state.stop is not None:
         error = {"code": "stopped", "message": f"Stopped by {state.stop.by}. A supervisor has to release it."}
-        told = present.text_block(f"{error['code']}: {error['message']}")
+        told = updates.text_block(f"{error['code']}: {error['message']}")
         raise Refused(ToolResult(True, [told], {"error": error}))
 
 
-async def rehearsed(tools: ToolServer, tool: Tool, arguments: dict[str, Any], own: str) -> dict[str, Any] | None:
+async def rehearsed(tools: McpClient, tool: Tool, arguments: dict[str, Any], own: str) -> dict[str, Any] | None:
     """Let the robot draw the way that `tool`, which can preview, would take, under the id `own`.
 
     Returns `robot-acp/preview` of the question: length and seconds as far as the robot tells them; None when nothing

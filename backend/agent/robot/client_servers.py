@@ -14,8 +14,8 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
-from backend.agent.offers import Offer
-from backend.agent.tool_server import ProgressCallback, ServerUnavailable, Tool, ToolResult, ToolServer
+from backend.agent.robot.mcp_client import McpClient, ProgressCallback, ServerUnavailable, Tool, ToolResult
+from backend.agent.robot.server_addresses import Offer
 
 log = logging.getLogger(__name__)
 
@@ -25,12 +25,12 @@ MAX_TOOL_NAME_CHARS = 64
 _UNSAFE = re.compile(r"[^A-Za-z0-9_-]")
 
 
-class OfferedServers:
+class ClientServers:
     """Those of one session; none at first. They are connected to when a turn first wants their tools."""
 
     def __init__(self) -> None:
-        self._servers: dict[str, ToolServer] = {}
-        self._callers: dict[str, tuple[ToolServer, str]] = {}
+        self._servers: dict[str, McpClient] = {}
+        self._callers: dict[str, tuple[McpClient, str]] = {}
         """The name of a tool -> its server, and its name there; made anew with every listing."""
         self._away: frozenset[str] = frozenset()
         """The servers that did not answer the last listing."""
@@ -41,7 +41,7 @@ class OfferedServers:
         """Have these from now on; those before are disconnected, and a call of theirs that runs fails."""
         before = self._servers.values()
         self._servers = {
-            offer.name: ToolServer(offer.url, offer.headers, absent=f"The MCP server {offer.name} does not answer.")
+            offer.name: McpClient(offer.url, offer.headers, absent=f"The MCP server {offer.name} does not answer.")
             for offer in offers
         }
         self._away = self._told = frozenset()
@@ -93,7 +93,7 @@ class OfferedServers:
         return f"{missing} I try again at every prompt."
 
 
-async def _tools(server: ToolServer) -> dict[str, Tool] | None:
+async def _tools(server: McpClient) -> dict[str, Tool] | None:
     try:
         return await server.tools()
     except ServerUnavailable:

@@ -23,8 +23,8 @@ from mcp.client.streamable_http import streamable_http_client
 from mcp.shared._httpx_utils import create_mcp_http_client
 from mcp.shared.exceptions import MCPError
 
-from backend.agent import sign_of_life
-from backend.agent.policy import ToolTraits
+from backend.agent.control.policy import ToolTraits
+from backend.agent.robot import sign_of_life
 
 log = logging.getLogger(__name__)
 
@@ -116,7 +116,7 @@ class _PlainFormatter(string.Formatter):
 ProgressCallback = Callable[[Progress], None]
 
 
-class ToolServer:
+class McpClient:
     """The connection to one MCP server: an `http(s)://` URL, which gets the `headers`, or `stdio:COMMAND`.
 
     `absent` is what people are told when it does not answer.

@@ -36,11 +36,11 @@ _BROKEN = (OSError, WebSocketException, msgspec.DecodeError)
 Watcher = Callable[["telemetry.State | None"], None]
 
 
-class RobotLinkError(Exception):
+class RobotError(Exception):
     """The robot server did not take a stop or a release; the text says what to do."""
 
 
-class RobotLink:
+class RobotClient:
     """The latest state of the robot. `state` is None while the robot server is away, or hangs."""
 
     def __init__(self, mcp_url: str | None, bearer: str | None) -> None:
@@ -144,14 +144,14 @@ class RobotLink:
         return state.time >= since and state.motion is None and state.twist.linear == 0 and state.twist.angular == 0
 
     async def stop(self, by: str) -> dict[str, Any]:
-        """Latch the stop in the robot server, whatever becomes of the one who waits for it. Raises `RobotLinkError`."""
+        """Latch the stop in the robot server, whatever becomes of the one who waits for it. Raises `RobotError`."""
         stopping = asyncio.create_task(self._post("/stop", by), name="stop")
         self._stopping.add(stopping)
         stopping.add_done_callback(self._stopping.discard)
         return await asyncio.shield(stopping)
 
     async def release(self, by: str) -> dict[str, Any]:
-        """Release the stop. Raises `RobotLinkError`."""
+        """Release the stop. Raises `RobotError`."""
         return await self._post("/release", by)
 
     async def forget_preview(self, own: str) -> None:
@@ -166,7 +166,7 @@ class RobotLink:
 
     async def _post(self, path: str, by: str) -> dict[str, Any]:
         if self._base is None:
-            raise RobotLinkError("This robot server has no stop path. Use the robot's own stop.")
+            raise RobotError("This robot server has no stop path. Use the robot's own stop.")
         try:
             async with httpx.AsyncClient(headers=self._headers, timeout=3.0, trust_env=False) as client:
                 response = await client.post(self._base + path, params={"by": by})
@@ -174,4 +174,4 @@ class RobotLink:
                 return dict(response.json())
         except (httpx.HTTPError, ValueError) as error:
             log.error("%s failed: %s", path, type(error).__name__)
-            raise RobotLinkError("The robot server did not take it. Use the robot's own stop button.") from error
+            raise RobotError("The robot server did not take it. Use the robot's own stop button.") from error

@@ -41,7 +41,7 @@ _OWN_HEADERS = re.compile(
 )
 
 
-class OfferRefused(Exception):
+class ServerRefused(Exception):
     """A client's offer is not taken. `code` is JSON-RPC's; the text says why and what to do."""
 
     def __init__(self, message: str, code: int = wire.INVALID_PARAMS) -> None:
@@ -114,13 +114,13 @@ class AllowList:
 
     def read(self, servers: Sequence[Any], *, role: str, may_offer: bool) -> tuple[Offer, ...]:
         """The offers of a client, all of them or none. `servers` are the SDK's types; `may_offer` is the right of
-        the one who asks. Raises `OfferRefused`."""
+        the one who asks. Raises `ServerRefused`."""
         if len(servers) > MAX_SERVERS:
-            raise OfferRefused(f"A session takes at most {MAX_SERVERS} MCP servers; these are {len(servers)}.")
+            raise ServerRefused(f"A session takes at most {MAX_SERVERS} MCP servers; these are {len(servers)}.")
         for server in servers:
             _must_be_http(server)
         if servers and not may_offer:
-            raise OfferRefused(
+            raise ServerRefused(
                 f"Only a supervisor may bring MCP servers into a session; your role is {role}. "
                 "Send an empty mcpServers list, or ask a supervisor.",
                 wire.NOT_ALLOWED,
@@ -128,21 +128,21 @@ class AllowList:
         offers = tuple(self._offer(server) for server in servers)
         names = [offer.name.lower() for offer in offers]
         if twice := next((name for name in names if names.count(name) > 1), None):
-            raise OfferRefused(f"Two of the MCP servers are called {twice}. Give each a name of its own.")
+            raise ServerRefused(f"Two of the MCP servers are called {twice}. Give each a name of its own.")
         return offers
 
     def _offer(self, server: HttpMcpServer) -> Offer:
         if len(server.name) > MAX_NAME_CHARS or not _NAME.fullmatch(server.name):
-            raise OfferRefused(
+            raise ServerRefused(
                 f"The name of an MCP server begins the names of its tools: at most {MAX_NAME_CHARS} letters, digits, - "
                 "and single _ between them. Give it such a name."
             )
         try:
             address = Address.parse(server.url)
         except ValueError as error:
-            raise OfferRefused(f"The address of the MCP server {server.name} cannot be used: {error}.") from None
+            raise ServerRefused(f"The address of the MCP server {server.name} cannot be used: {error}.") from None
         if not any(allowed.covers(address) for allowed in self._allowed):
-            raise OfferRefused(
+            raise ServerRefused(
                 f"The address of the MCP server {server.name} is not on the list of this robot. "
                 f"Whoever runs the robot can add it to the setting {SETTING}; until then send the session without it."
             )
@@ -153,11 +153,11 @@ def _must_be_http(server: Any) -> None:
     if isinstance(server, HttpMcpServer):
         return
     if isinstance(server, McpServerStdio):
-        raise OfferRefused(
+        raise ServerRefused(
             "This robot takes no stdio MCP servers: they are commands on the robot's computer. "
             "Offer the server over HTTP, or send an empty mcpServers list."
         )
-    raise OfferRefused(
+    raise ServerRefused(
         f"This robot takes no MCP servers of the type {server.type}. "
         "Offer the server over HTTP (Streamable HTTP, type http), or send an empty mcpServers list."
     )
@@ -165,20 +165,20 @@ def _must_be_http(server: Any) -> None:
 
 def _headers(server: str, headers: Sequence[HttpHeader]) -> dict[str, str]:
     if len(headers) > MAX_HEADERS:
-        raise OfferRefused(f"The MCP server {server} has {len(headers)} headers; at most {MAX_HEADERS} are taken.")
+        raise ServerRefused(f"The MCP server {server} has {len(headers)} headers; at most {MAX_HEADERS} are taken.")
     taken: dict[str, str] = {}
     for number, header in enumerate(headers, 1):
         name = header.name.lower()
         # The text names the header by its number: clients have put a value where the name belongs.
         which = f"Header {number} of the MCP server {server}"
         if not _HEADER_NAME.fullmatch(name):
-            raise OfferRefused(f"{which} has a name that HTTP does not take.")
+            raise ServerRefused(f"{which} has a name that HTTP does not take.")
         if _OWN_HEADERS.fullmatch(name):
-            raise OfferRefused(f"{which} belongs to the connection itself. Leave it out.")
+            raise ServerRefused(f"{which} belongs to the connection itself. Leave it out.")
         if name in taken:
-            raise OfferRefused(f"{which} is there twice. Send it once.")
+            raise ServerRefused(f"{which} is there twice. Send it once.")
         if len(header.value) > MAX_HEADER_CHARS or not _HEADER_VALUE.fullmatch(header.value):
-            raise OfferRefused(
+            raise ServerRefused(
                 f"{which} has a value that is not taken: at most {MAX_HEADER_CHARS} printable ASCII characters."
             )
         taken[name] = header.value

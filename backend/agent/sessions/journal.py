@@ -13,8 +13,8 @@ import math
 from collections import deque
 from collections.abc import Callable
 
-from backend.agent.database import StoreError
-from backend.agent.store import Changes, Event, Store
+from backend.agent.sessions.database import StoreError
+from backend.agent.sessions.store import Changes, Event, Store
 
 log = logging.getLogger(__name__)
 

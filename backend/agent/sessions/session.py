@@ -14,11 +14,11 @@ from typing import Any, Protocol
 
 import orjson
 
-from backend.agent.history import History
-from backend.agent.journal import Journal
-from backend.agent.offered_servers import OfferedServers
-from backend.agent.permissions import Approver, Audience, PermissionDesk
-from backend.agent.store import Event, SessionRow, as_json
+from backend.agent.control.permissions import Approver, Audience, PermissionDesk
+from backend.agent.robot.client_servers import ClientServers
+from backend.agent.sessions.history import History
+from backend.agent.sessions.journal import Journal
+from backend.agent.sessions.store import Event, SessionRow, as_json
 
 UNWINDING_S = 2.0
 """A turn that was cancelled so long ago and does not halt yet has lost the cancel, and gets another one."""
@@ -84,7 +84,7 @@ class Session:
         self.history = history
         self.seq = seq
         self.desk = PermissionDesk(permission_timeout_s, spawn, audience)
-        self.offered = OfferedServers()
+        self.offered = ClientServers()
         self.turn_id: str | None = None
         """The running turn; None between turns."""
         self.turn_by: str | None = None

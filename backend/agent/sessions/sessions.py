@@ -11,14 +11,14 @@ from collections.abc import AsyncIterator, Coroutine
 from dataclasses import replace
 from typing import Any
 
-from backend.agent import present
-from backend.agent.abilities import look
-from backend.agent.history import History
-from backend.agent.journal import Journal
-from backend.agent.permissions import Audience
-from backend.agent.session import Listener, Session
-from backend.agent.store import Event, SessionRow, Store, as_json
-from backend.agent.tool_server import ToolServer
+from backend.agent.acp import updates
+from backend.agent.acp.abilities import look
+from backend.agent.control.permissions import Audience
+from backend.agent.robot.mcp_client import McpClient
+from backend.agent.sessions.history import History
+from backend.agent.sessions.journal import Journal
+from backend.agent.sessions.session import Listener, Session
+from backend.agent.sessions.store import Event, SessionRow, Store, as_json
 from backend.identity import Identity, Right
 
 log = logging.getLogger(__name__)
@@ -31,7 +31,7 @@ class Sessions:
     """The sessions of one agent, by id. A session comes into memory when somebody opens it."""
 
     def __init__(
-        self, store: Store, journal: Journal, tools: ToolServer, pose_tool: str, permission_timeout_s: float
+        self, store: Store, journal: Journal, tools: McpClient, pose_tool: str, permission_timeout_s: float
     ) -> None:
         self._store = store
         self._journal = journal
@@ -73,7 +73,7 @@ class Sessions:
         past = [event for event in past if event.seq <= ended]
         if past:
             ended += 1
-            past.append(Event(row.id, ended, now, as_json(present.forked(session.id))))
+            past.append(Event(row.id, ended, now, as_json(updates.forked(session.id))))
             await self._store.append(past)
         history = History()
         for event in past:
@@ -163,9 +163,9 @@ class Sessions:
 
     def _tell_interruption(self, session: Session, turn_id: str) -> None:
         for call_id in session.history.open_calls:
-            session.record(present.tool_status(call_id, "failed", "interrupted"))
-        session.record(present.message("I was restarted in the middle of this; what was under way has ended."))
-        session.record(present.turn_ended(turn_id, "interrupted"))
+            session.record(updates.tool_status(call_id, "failed", "interrupted"))
+        session.record(updates.message("I was restarted in the middle of this; what was under way has ended."))
+        session.record(updates.turn_ended(turn_id, "interrupted"))
 
     def _in_memory(self, row: SessionRow, history: History, seq: int) -> Session:
         self._forget_idle()

@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 import orjson
 import sqlalchemy as sa
 
-from backend.agent.database import StoreError, engine_for, why
+from backend.agent.sessions.database import StoreError, engine_for, why
 
 log = logging.getLogger(__name__)
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from acp.exceptions import RequestError
 
-from backend.agent.session import Listener, Session
+from backend.agent.sessions.session import Listener, Session
 
 _FIELD = "answer"
 

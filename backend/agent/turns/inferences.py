@@ -11,11 +11,12 @@ from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass
 from typing import Any
 
-from backend.agent import model, present, prompts
-from backend.agent.chunks import Chunks
-from backend.agent.history import Message
-from backend.agent.phases import Phases
-from backend.agent.session import Session
+from backend.agent.acp import updates
+from backend.agent.sessions.history import Message
+from backend.agent.sessions.session import Session
+from backend.agent.turns import model, prompts
+from backend.agent.turns.chunks import Chunks
+from backend.agent.turns.phases import Phases
 
 log = logging.getLogger(__name__)
 
@@ -32,13 +33,13 @@ class Inferences:
     phases: Phases
     other_model: str | None = None
     """What runs this turn, where it is not the session's model."""
-    usage: present.Update | None = None
+    usage: updates.Update | None = None
     """The context in use after the last step; None before."""
 
     async def think(self, system: str) -> None:
         """The preliminary thought. That it fails is no reason not to go on."""
         messages = [{"role": "system", "content": prompts.thought(system)}, *self.session.history.messages()]
-        words = Chunks(lambda text: self.session.record(present.thought(text)))
+        words = Chunks(lambda text: self.session.record(updates.thought(text)))
         with self.phases.during("thought"):
             try:
                 async with asyncio.timeout(self.thought_timeout_s):
@@ -55,8 +56,8 @@ class Inferences:
         """One step of the loop; what it says is shown as it comes, but never before the preliminary thought is."""
         calls: list[model.Call] = []
         cut: model.CutReason | None = None
-        said = Chunks(lambda text: self.session.record(present.message(text)))
-        thoughts = Chunks(lambda text: self.session.record(present.thought(text)))
+        said = Chunks(lambda text: self.session.record(updates.message(text)))
+        thoughts = Chunks(lambda text: self.session.record(updates.thought(text)))
         messages = [{"role": "system", "content": system}, *self.session.history.messages()]
         with self.phases.during("inference"):
             async for part in self._stream(messages, schemas):
@@ -71,7 +72,7 @@ class Inferences:
                     case model.Call():
                         calls.append(part)
                     case model.Usage(used, size):
-                        self.usage = present.usage(used, size)
+                        self.usage = updates.usage(used, size)
                     case model.Cut(reason):
                         cut = reason
             thoughts.flush()

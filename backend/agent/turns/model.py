@@ -16,7 +16,7 @@ from typing import Any, Literal
 
 import orjson
 
-from backend.agent.history import PHOTO_NOTE, Message
+from backend.agent.sessions.history import PHOTO_NOTE, Message
 
 log = logging.getLogger(__name__)
 

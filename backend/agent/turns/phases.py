@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Literal
 
-from backend.agent.policy import ToolTraits, moves, speaks
+from backend.agent.control.policy import ToolTraits, moves, speaks
 
 Phase = Literal["thought", "inference", "navigation", "speech", "tools", "person", "waiting"]
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from backend.agent.history import PLAN_TOOL
+from backend.agent.sessions.history import PLAN_TOOL
 
 _ROLE = """You are {robot}, a mobile robot among people. You act only through your tools, one step at a time, and you \
 report what really happened. Look places up with the map before you drive to one. If a person refuses an action, \

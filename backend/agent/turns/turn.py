@@ -13,17 +13,19 @@ import uuid
 from dataclasses import dataclass, field
 from typing import Any
 
-from backend.agent import commands, elicitation, export, model, present, preview, prompts
-from backend.agent.history import PLAN_TOOL
-from backend.agent.inferences import Infer, Inferences
-from backend.agent.lease import Claim, Lease
-from backend.agent.permissions import Verdict
-from backend.agent.phases import Phase, Phases, phase_of
-from backend.agent.policy import MODES, Decision, Policy
-from backend.agent.robot_link import RobotLink
-from backend.agent.session import Listener, Session
-from backend.agent.store import Store
-from backend.agent.tool_server import Progress, ServerUnavailable, Tool, ToolResult, ToolServer
+from backend.agent.acp import commands, export, updates
+from backend.agent.control import preview
+from backend.agent.control.lease import Claim, Lease
+from backend.agent.control.permissions import Verdict
+from backend.agent.control.policy import MODES, Decision, Policy
+from backend.agent.robot.mcp_client import McpClient, Progress, ServerUnavailable, Tool, ToolResult
+from backend.agent.robot.robot_client import RobotClient
+from backend.agent.sessions.history import PLAN_TOOL
+from backend.agent.sessions.session import Listener, Session
+from backend.agent.sessions.store import Store
+from backend.agent.turns import elicitation, model, prompts
+from backend.agent.turns.inferences import Infer, Inferences
+from backend.agent.turns.phases import Phase, Phases, phase_of
 from backend.identity import Identity
 
 log = logging.getLogger(__name__)
@@ -36,14 +38,14 @@ _CUT: dict[model.CutReason, str] = {
 
 
 @dataclass(frozen=True)
-class Workbench:
+class TurnEnvironment:
     """What every turn works with; one for the whole agent."""
 
     robot_name: str
-    tools: ToolServer
+    tools: McpClient
     """The robot's own."""
     policy: Policy
-    link: RobotLink
+    link: RobotClient
     store: Store
     lease: Lease
     thought_timeout_s: float
@@ -60,7 +62,7 @@ class Workbench:
 class Turn:
     """A prompt of `asker` to a session. `run` may be called once."""
 
-    bench: Workbench
+    environment: TurnEnvironment
     session: Session
     asker: Identity
     prompt: list[dict[str, Any]]
@@ -86,24 +88,24 @@ class Turn:
         once the robot is at rest."""
         self.session.turn_id, self.session.turn_by = self.id, self.asker.name
         self._phases = Phases()
-        bench = self.bench
-        self._inferences = Inferences(self.session, bench.infer, bench.thought_timeout_s, self._phases)
+        environment = self.environment
+        self._inferences = Inferences(self.session, environment.infer, environment.thought_timeout_s, self._phases)
         reason = "cancelled"
         try:
             reason = await self._to_the_end()
         finally:
             # Whatever happened: the robot is free for others, and everybody sees that the turn is over.
             if self._claim:
-                self.bench.lease.release(self._claim)
+                self.environment.lease.release(self._claim)
             if self._inferences.usage:
                 self.session.record(self._inferences.usage)
             self.session.turn_id = self.session.turn_by = None
-            self.session.record(present.turn_ended(self.id, reason, self._phases.seconds()))
+            self.session.record(updates.turn_ended(self.id, reason, self._phases.seconds()))
         return reason
 
     async def _to_the_end(self) -> str:
         for block in self.prompt:
-            self.session.record(present.user_message(block, self.asker.name, self.id), self.origin)
+            self.session.record(updates.user_message(block, self.asker.name, self.id), self.origin)
         self._named = self._name_session()
         reason, why, said = "end_turn", "cancelled", None
         try:
@@ -119,23 +121,23 @@ class Turn:
         self.session.halting()
         self._close_calls(why)
         if said is not None:
-            self.session.record(present.message(said))
+            self.session.record(updates.message(said))
         if self._acted:  # the next turn must not get a robot that still moves
             with self._phases.during("navigation"):
-                await self.bench.link.at_rest()
+                await self.environment.link.at_rest()
         if self._lost is not None:
             taken_by = self._claim.taken_by if self._claim else None
-            self.session.record(present.lost(f"{self._lost}, so I stopped here.", taken_by))
+            self.session.record(updates.lost(f"{self._lost}, so I stopped here.", taken_by))
         return reason
 
     async def _work(self) -> str:
         command = commands.named_in(self.prompt)
         if own := await self._own_command(command):
-            self.session.record(present.message(own))
+            self.session.record(updates.message(own))
             return "end_turn"
         if command is not None:
             self._inferences.other_model = model.OFFLINE_MODEL
-        tools = await self.bench.tools.tools()
+        tools = await self.environment.tools.tools()
         if command is None:  # a command is the robot's own business
             tools = await self.session.offered.beside(tools)
         # Just after the start this takes seconds, which are not the thought's.
@@ -148,7 +150,7 @@ class Turn:
             reason = await self._loop(tools, thinking)
             # At the end: it must not stand between a question and its answer, where a model would take it for its own.
             if news := self.session.offered.news():
-                self.session.record(present.message(f"\n\n{news}"))
+                self.session.record(updates.message(f"\n\n{news}"))
             return reason
         finally:
             thinking.cancel()
@@ -156,24 +158,26 @@ class Turn:
 
     async def _loop(self, tools: dict[str, Tool], thinking: asyncio.Task[None]) -> str:
         schemas = [tool.schema for tool in tools.values()] + [prompts.PLAN_TOOL_SCHEMA, prompts.ASK_TOOL_SCHEMA]
-        for _ in range(self.bench.max_steps):
+        for _ in range(self.environment.max_steps):
             # The system message is made anew: the mode may have changed in mid-turn.
             calls, cut = await self._inferences.step(self._system(tools), schemas, thinking)
             if cut is not None:
                 # Nothing of an answer that is not whole is done: the rest could have changed its sense.
-                self.session.record(present.message(_CUT[cut]))
+                self.session.record(updates.message(_CUT[cut]))
                 return cut
             if not calls:
                 return "end_turn"
             for call in calls:
                 await self._run(call, tools)
-        self.session.record(present.message("I stopped here: this took more steps than I am allowed in one turn."))
+        self.session.record(updates.message("I stopped here: this took more steps than I am allowed in one turn."))
         return "max_turn_requests"
 
     async def _own_command(self, command: str | None) -> str | None:
         """What came of `/stop` or `/export`, which are the agent's own, in words; None for anything else."""
         if command == "export":
-            return await export.hand_over(self.session, self.bench.store, self.origin, self.bench.answer_timeout_s)
+            return await export.hand_over(
+                self.session, self.environment.store, self.origin, self.environment.answer_timeout_s
+            )
         return self.stopped
 
     async def _think(self, system: str, wanted: bool) -> None:
@@ -181,7 +185,7 @@ class Turn:
         if wanted:
             await self._inferences.think(system)
         if self._named:  # only now, so that the thought is the first thing that people see of the turn
-            self.session.record(present.title(self._named))
+            self.session.record(updates.title(self._named))
 
     async def _run(self, call: model.Call, tools: dict[str, Tool]) -> None:
         if call.name == PLAN_TOOL and self._show_plan(call.arguments):
@@ -197,18 +201,18 @@ class Turn:
             known = "The arguments are not what the tool takes."
             if call.name not in (*tools, PLAN_TOOL, prompts.ASK_TOOL):
                 known = f"There is no tool {call.name}."
-            self.session.record(present.tool_call(call_id, tool, call.arguments or {}, "pending"))
-            self._end(call_id, present.tool_status(call_id, "failed", known))
+            self.session.record(updates.tool_call(call_id, tool, call.arguments or {}, "pending"))
+            self._end(call_id, updates.tool_status(call_id, "failed", known))
             return
         arguments = call.arguments
         mode = self.session.row.mode
-        shows = self.bench.policy.previews(mode, tool.traits)
+        shows = self.environment.policy.previews(mode, tool.traits)
         if shows and tool.preview:
             arguments = arguments | {tool.preview: True}
         looks = shows or tool.read_only is True
-        status: present.ToolStatus = "in_progress" if looks else "pending"
+        status: updates.ToolStatus = "in_progress" if looks else "pending"
         phase = phase_of(tool.traits, looks)
-        self.session.record(present.tool_call(call_id, tool, arguments, status, phase))
+        self.session.record(updates.tool_call(call_id, tool, arguments, status, phase))
         if not looks:
             await self._take_control(call_id, tool)
         try:
@@ -218,12 +222,12 @@ class Turn:
         finally:
             if self._rehearsed:  # however the question ended
                 self._rehearsed = False
-                await self.bench.link.forget_preview(call_id)
+                await self.environment.link.forget_preview(call_id)
 
     def _drawn(self, call_id: str) -> dict[str, Any] | None:
         """The `_meta` of a call that only shows its way: while another turn has the robot, people may be asked about
         that one's, and this must not be drawn over it."""
-        free = self.bench.lease.holder in (None, self._claim)
+        free = self.environment.lease.holder in (None, self._claim)
         return preview.drawn_for(call_id) if free else None
 
     async def _take_control(self, call_id: str, tool: Tool) -> None:
@@ -234,13 +238,13 @@ class Turn:
         """
         if self._claim is not None or self._decide(tool) == "deny":
             return  # a call that is denied needs no robot
-        lease = self.bench.lease
+        lease = self.environment.lease
         holder = lease.holder
         self._claim = Claim(self.session.id, self.asker.name, self._lose)
         if not lease.ask(self._claim):
             owner = f"{holder.by} has" if holder else "somebody else has"
             why = f"waiting for the robot, which {owner} now"
-            self.session.record(present.tool_waits(call_id, why, {"for": "robot"}))
+            self.session.record(updates.tool_waits(call_id, why, {"for": "robot"}))
             with self._phases.during("waiting"):
                 await lease.wait(self._claim)
 
@@ -250,55 +254,57 @@ class Turn:
         decision = self._decide(tool)
         if decision == "deny":
             name = next(m.name for m in MODES if m.id == mode)
-            self._end(call_id, present.tool_status(call_id, "failed", f"not allowed in the mode {name}"))
+            self._end(call_id, updates.tool_status(call_id, "failed", f"not allowed in the mode {name}"))
             return False
         if decision == "allow":
             return True
         try:
             verdict = self._remembered(tool) or await self._ask(call_id, tool, arguments)
         except preview.Refused as refused:
-            self._end(call_id, present.tool_result(call_id, refused.result))
+            self._end(call_id, updates.tool_result(call_id, refused.result))
             return False
         if not verdict.allowed:
-            self._end(call_id, present.tool_status(call_id, "failed", verdict.refusal, verdict))
+            self._end(call_id, updates.tool_status(call_id, "failed", verdict.refusal, verdict))
             return False
         # A mode that was changed while people thought about it counts.
         if self._decide(tool) == "deny":
-            self._end(call_id, present.tool_status(call_id, "failed", "the mode was changed meanwhile", verdict))
+            self._end(call_id, updates.tool_status(call_id, "failed", "the mode was changed meanwhile", verdict))
             return False
-        self.session.record(present.tool_status(call_id, "in_progress", verdict=verdict))
+        self.session.record(updates.tool_status(call_id, "in_progress", verdict=verdict))
         return True
 
     def _decide(self, tool: Tool) -> Decision:
         row = self.session.row
-        return self.bench.policy.decide(row.mode, tool.traits, self.asker.role, row.motion_asks)
+        return self.environment.policy.decide(row.mode, tool.traits, self.asker.role, row.motion_asks)
 
     def _remembered(self, tool: Tool) -> Verdict | None:
         remembered = self.session.remembered.get(tool.name)
-        if remembered is None or (remembered and tool.name in self.bench.four_eyes):
+        if remembered is None or (remembered and tool.name in self.environment.four_eyes):
             return None
         return Verdict(remembered, "remembered", "allow_always" if remembered else "reject_always")
 
     async def _ask(self, call_id: str, tool: Tool, arguments: dict[str, Any]) -> Verdict:
         """What people say to the call, who see what it would do. Raises `preview.Refused`, and then asks nobody."""
-        bench = self.bench
-        shown = present.tool_call(call_id, tool, arguments, "pending")
+        environment = self.environment
+        shown = updates.tool_call(call_id, tool, arguments, "pending")
         del shown["sessionUpdate"]
         asker = self.asker.name
-        not_by = asker if tool.name in bench.four_eyes else None
+        not_by = asker if tool.name in environment.four_eyes else None
         desk = self.session.desk
-        if bench.link.state and bench.link.state.stop:  # a release that was answered counts before it is heard of
-            preview.not_stopped(tool, await bench.link.anew())
+        if (
+            environment.link.state and environment.link.state.stop
+        ):  # a release that was answered counts before it is heard of
+            preview.not_stopped(tool, await environment.link.anew())
         if not desk.attended(not_by):
             return Verdict(False, "nobody")
         way: dict[str, Any] | None = None
-        if bench.preview and tool.can_preview:
+        if environment.preview and tool.can_preview:
             self._rehearsed = True
             with self._phases.during("tools"):
-                way = await preview.rehearsed(bench.tools, tool, arguments, call_id)
+                way = await preview.rehearsed(environment.tools, tool, arguments, call_id)
         # Those who are not asked, as the visitor who wants it, see why nothing happens.
         waits = {"for": "permission", "timeout_s": desk.timeout_s}
-        self.session.record(present.tool_waits(call_id, "waiting for somebody who may allow it", waits))
+        self.session.record(updates.tool_waits(call_id, "waiting for somebody who may allow it", waits))
         # A question must not overtake the announcement of the call that it is about.
         await self.session.flushed()
         with self._phases.during("person"):
@@ -315,7 +321,7 @@ class Turn:
     ) -> None:
         if not looks:
             self._acted = True
-            self.session.record(present.tool_status(call_id, "in_progress"))
+            self.session.record(updates.tool_status(call_id, "in_progress"))
         last = 0.0
 
         def show(progress: Progress) -> None:
@@ -323,26 +329,26 @@ class Turn:
             now = time.monotonic()
             if now - last >= PROGRESS_EVERY_S and call_id in self._open:
                 last = now
-                self.session.record(present.tool_progress(call_id, progress))
+                self.session.record(updates.tool_progress(call_id, progress))
 
         with self._phases.during(phase):
             if tool.server is None:
-                result = await self.bench.tools.call(tool.name, arguments, show, meta)
+                result = await self.environment.tools.call(tool.name, arguments, show, meta)
             else:
                 result = await self.session.offered.call(tool.name, arguments, show)
-        self._end(call_id, present.tool_result(call_id, result))
+        self._end(call_id, updates.tool_result(call_id, result))
 
     def _lose(self, why: str) -> None:
         self._lost = why
         self.session.cancel()
 
-    def _end(self, call_id: str, update: present.Update) -> None:
+    def _end(self, call_id: str, update: updates.Update) -> None:
         self._open.remove(call_id)
         self.session.record(update)
 
     def _close_calls(self, why: str) -> None:
         for call_id in list(self._open):
-            self._end(call_id, present.tool_status(call_id, "failed", why))
+            self._end(call_id, updates.tool_status(call_id, "failed", why))
 
     async def _ask_person(self, arguments: dict[str, Any] | None) -> bool:
         """Let a person choose; false when the arguments are no question."""
@@ -354,23 +360,23 @@ class Turn:
         call_id = f"{self.id}.{self._calls}"
         self._open.append(call_id)
         asking = Tool(prompts.ASK_TOOL, "", {}, question, None, True)
-        shown = present.tool_call(call_id, asking, {}, "in_progress", "person")
+        shown = updates.tool_call(call_id, asking, {}, "in_progress", "person")
         self.session.record(shown | {"rawInput": {"question": question, "options": options}})
         try:
             with self._phases.during("person"):
                 answer, by = await elicitation.choose(
-                    self.session, self.origin, question, options, self.bench.answer_timeout_s
+                    self.session, self.origin, question, options, self.environment.answer_timeout_s
                 )
         except elicitation.NoAnswerError as nobody:
-            self._end(call_id, present.tool_status(call_id, "failed", str(nobody)))
+            self._end(call_id, updates.tool_status(call_id, "failed", str(nobody)))
         else:
-            result = ToolResult(False, [present.text_block(answer)], {"answer": answer, "by": by})
-            self._end(call_id, present.tool_result(call_id, result))
+            result = ToolResult(False, [updates.text_block(answer)], {"answer": answer, "by": by})
+            self._end(call_id, updates.tool_result(call_id, result))
         return True
 
     def _show_plan(self, arguments: dict[str, Any] | None) -> bool:
         """Show a plan; false when it is none, so that the model is told."""
-        shown = present.plan((arguments or {}).get("entries"))
+        shown = updates.plan((arguments or {}).get("entries"))
         if shown is not None:
             self.session.record(shown)
         return shown is not None
@@ -381,10 +387,10 @@ class Turn:
         judged = {
             name: self._decide(tool)
             for name, tool in tools.items()
-            if not self.bench.policy.previews(row.mode, tool.traits)
+            if not self.environment.policy.previews(row.mode, tool.traits)
         }
         return prompts.system(
-            self.bench.robot_name,
+            self.environment.robot_name,
             mode.name,
             mode.description,
             [name for name, decision in judged.items() if decision == "ask"],

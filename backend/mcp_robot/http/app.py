@@ -17,11 +17,11 @@ from starlette.responses import JSONResponse
 from starlette.routing import Route, WebSocketRoute
 
 from backend import __version__
-from backend.mcp_robot.access import Access
-from backend.mcp_robot.pilot import Pilot
-from backend.mcp_robot.stop import name_of
-from backend.mcp_robot.telemetry_stream import TelemetryStream
-from backend.mcp_robot.tools import RobotServer
+from backend.mcp_robot.http.access import Access
+from backend.mcp_robot.http.telemetry_stream import TelemetryStream
+from backend.mcp_robot.motion.pilot import Pilot
+from backend.mcp_robot.motion.stop import name_of
+from backend.mcp_robot.tools.catalogue import RobotServer
 
 
 def create_app(pilot: Pilot, tools: RobotServer, token: bytes, host: str) -> Starlette:

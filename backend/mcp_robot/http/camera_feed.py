@@ -11,7 +11,7 @@ import logging
 from collections.abc import Callable
 
 from backend import telemetry
-from backend.mcp_robot.pilot import Pilot
+from backend.mcp_robot.motion.pilot import Pilot
 from backend.mcp_robot.refusal import Refusal
 
 log = logging.getLogger(__name__)

@@ -18,9 +18,9 @@ import numpy as np
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from backend import telemetry
-from backend.mcp_robot.camera_feed import CameraFeed
-from backend.mcp_robot.grid import FREE, KEEP_OUT, OccupancyGrid
-from backend.mcp_robot.pilot import Pilot
+from backend.mcp_robot.http.camera_feed import CameraFeed
+from backend.mcp_robot.motion.pilot import Pilot
+from backend.mcp_robot.navigation.grid import FREE, KEEP_OUT, OccupancyGrid
 from backend.mcp_robot.refusal import Refusal
 from backend.telemetry import CHANNELS, Channel, Hello, Map, Path, Speech, Subscribe
 

@@ -14,11 +14,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from backend.config import Limits
-from backend.mcp_robot import keep_out
-from backend.mcp_robot.grid import OccupancyGrid
+from backend.mcp_robot.motion import keep_out
+from backend.mcp_robot.motion.safety import where_to_charge
+from backend.mcp_robot.navigation.grid import OccupancyGrid
 from backend.mcp_robot.refusal import Refusal
 from backend.mcp_robot.robot import Fix, Robot, Velocity
-from backend.mcp_robot.safety import where_to_charge
 from backend.telemetry import Battery, Pose, Scan, Twist, Zone
 
 PERIOD = 0.05

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from backend.mcp_robot.grid import FREE, KEEP_OUT, Floats, OccupancyGrid, sample
+from backend.mcp_robot.navigation.grid import FREE, KEEP_OUT, Floats, OccupancyGrid, sample
 from backend.telemetry import Zone
 
 Points = Floats

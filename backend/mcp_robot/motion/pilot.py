@@ -19,14 +19,14 @@ import msgspec
 import numpy as np
 
 from backend.config import Limits
-from backend.mcp_robot import safety
-from backend.mcp_robot.grid import Floats
-from backend.mcp_robot.guard import PERIOD, Guard
-from backend.mcp_robot.places import at_dock
-from backend.mcp_robot.preview import Preview
+from backend.mcp_robot.motion import safety
+from backend.mcp_robot.motion.guard import PERIOD, Guard
+from backend.mcp_robot.motion.stop import StopLatch
+from backend.mcp_robot.navigation.grid import Floats
+from backend.mcp_robot.navigation.places import at_dock
 from backend.mcp_robot.refusal import Halted, Refusal
 from backend.mcp_robot.robot import Picture, Robot, Route, Sound
-from backend.mcp_robot.stop import StopLatch
+from backend.mcp_robot.tools.preview import Preview
 from backend.telemetry import Halt, Motion, Path, Place, Pose, Speech, State, Stop, Zone
 
 logger = logging.getLogger(__name__)

@@ -13,9 +13,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from backend.config import Limits
-from backend.mcp_robot import keep_out
-from backend.mcp_robot.grid import FREE, OCCUPIED, Floats, OccupancyGrid
-from backend.mcp_robot.places import at_dock
+from backend.mcp_robot.motion import keep_out
+from backend.mcp_robot.navigation.grid import FREE, OCCUPIED, Floats, OccupancyGrid
+from backend.mcp_robot.navigation.places import at_dock
 from backend.mcp_robot.refusal import Refusal
 from backend.mcp_robot.robot import TopologicalMap
 from backend.telemetry import Battery, Pose, Stop, Zone

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from backend.config import Limits
-from backend.mcp_robot.grid import Floats
+from backend.mcp_robot.navigation.grid import Floats
 from backend.mcp_robot.robot import Remaining
 from backend.telemetry import Pose, Twist
 

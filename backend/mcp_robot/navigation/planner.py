@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from backend.mcp_robot.grid import Floats, OccupancyGrid, sample
-from backend.mcp_robot.search import SearchGrid, Unreachable, cheapest, search_grid, wall_cost
+from backend.mcp_robot.navigation.grid import Floats, OccupancyGrid, sample
+from backend.mcp_robot.navigation.search import SearchGrid, Unreachable, cheapest, search_grid, wall_cost
 
 __all__ = ["SearchGrid", "Unreachable", "length", "plan", "resample", "search_grid"]
 

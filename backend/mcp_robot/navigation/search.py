@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from backend.mcp_robot.grid import Floats, OccupancyGrid
+from backend.mcp_robot.navigation.grid import Floats, OccupancyGrid
 
 PLANNING_CELL = 0.1
 """Search at about this resolution (m): half a door's spare width, and a quarter of the cells of a usual map."""

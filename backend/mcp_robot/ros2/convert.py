@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
-from backend.mcp_robot.grid import FREE, OCCUPIED, UNKNOWN, Floats, OccupancyGrid
+from backend.mcp_robot.navigation.grid import FREE, OCCUPIED, UNKNOWN, Floats, OccupancyGrid
 from backend.telemetry import Battery, Pose, Scan, Twist
 
 FREE_BELOW, OCCUPIED_FROM = 20, 65

@@ -18,7 +18,7 @@ from nav2_msgs.action import ComputePathToPose, NavigateToPose, Spin
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 
 from backend.config import Robot
-from backend.mcp_robot.grid import FREE
+from backend.mcp_robot.navigation.grid import FREE
 from backend.mcp_robot.refusal import Halted, Refusal
 from backend.mcp_robot.ros2 import convert
 from backend.mcp_robot.ros2.demo_topics import Topics

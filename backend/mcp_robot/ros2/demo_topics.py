@@ -27,7 +27,7 @@ from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 from backend.config import Robot
-from backend.mcp_robot.grid import OCCUPIED, UNKNOWN, OccupancyGrid
+from backend.mcp_robot.navigation.grid import OCCUPIED, UNKNOWN, OccupancyGrid
 from backend.mcp_robot.ros2 import convert
 from backend.mcp_robot.ros2.frames import compose, inverse
 from backend.mcp_robot.ros2.link import RosLink

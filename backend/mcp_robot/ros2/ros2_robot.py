@@ -20,8 +20,9 @@ from nav2_msgs.action import ComputePathToPose, NavigateToPose, Spin
 from rclpy.action import ActionClient
 
 from backend.config import Limits, Ros2
-from backend.mcp_robot import follower, planner, speech
-from backend.mcp_robot.grid import FREE, Floats, OccupancyGrid
+from backend.mcp_robot import speech
+from backend.mcp_robot.navigation import follower, planner
+from backend.mcp_robot.navigation.grid import FREE, Floats, OccupancyGrid
 from backend.mcp_robot.refusal import Halted, Refusal
 from backend.mcp_robot.robot import Fix, Picture, Remaining, Route, Sound, TopologicalMap, Velocity
 from backend.mcp_robot.ros2 import convert, failures

@@ -24,8 +24,8 @@ from sensor_msgs.msg import BatteryState, LaserScan
 from tf2_msgs.msg import TFMessage
 
 from backend.config import Ros2
-from backend.mcp_robot import keep_out
-from backend.mcp_robot.grid import Floats, OccupancyGrid
+from backend.mcp_robot.motion import keep_out
+from backend.mcp_robot.navigation.grid import Floats, OccupancyGrid
 from backend.mcp_robot.robot import NOWHERE, Fix, Velocity
 from backend.mcp_robot.ros2 import convert
 from backend.mcp_robot.ros2.frames import Frames, Link, compose, inverse

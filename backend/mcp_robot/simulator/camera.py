@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
-from backend.mcp_robot.grid import Floats32
+from backend.mcp_robot.navigation.grid import Floats32
 from backend.mcp_robot.simulator import figures, materials, shades
 from backend.mcp_robot.simulator.world import Sign, World
 from backend.telemetry import Pose

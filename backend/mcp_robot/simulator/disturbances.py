@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 
-from backend.mcp_robot.follower import wrap
-from backend.mcp_robot.grid import Floats
+from backend.mcp_robot.navigation.follower import wrap
+from backend.mcp_robot.navigation.grid import Floats
 from backend.telemetry import Pose, Twist
 
 BOUND = 3.0

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw
 
-from backend.mcp_robot.grid import Floats32
+from backend.mcp_robot.navigation.grid import Floats32
 from backend.mcp_robot.simulator.shades import Colour
 
 HEIGHT = 1.72

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from backend.mcp_robot.grid import OCCUPIED, Floats, OccupancyGrid
+from backend.mcp_robot.navigation.grid import OCCUPIED, Floats, OccupancyGrid
 from backend.telemetry import Pose
 
 RAYS = 360

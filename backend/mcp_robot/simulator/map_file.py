@@ -15,7 +15,7 @@ import yaml
 from PIL import Image, UnidentifiedImageError
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
 
-from backend.mcp_robot.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from backend.mcp_robot.navigation.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 Model = TypeVar("Model", bound=BaseModel)
 

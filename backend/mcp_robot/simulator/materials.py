@@ -13,7 +13,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
-from backend.mcp_robot.grid import Floats32
+from backend.mcp_robot.navigation.grid import Floats32
 from backend.mcp_robot.simulator import shades
 from backend.mcp_robot.simulator.world import World
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from backend.mcp_robot.follower import Track
+from backend.mcp_robot.navigation.follower import Track
 
 Outcome = Literal["running", "reached", "blocked", "halted"]
 

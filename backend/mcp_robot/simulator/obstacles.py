@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from backend.mcp_robot.grid import Floats, OccupancyGrid
+from backend.mcp_robot.navigation.grid import Floats, OccupancyGrid
 from backend.telemetry import Pose
 
 CELL = 0.1

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backend.mcp_robot import planner
-from backend.mcp_robot.grid import Floats, OccupancyGrid
+from backend.mcp_robot.navigation import planner
+from backend.mcp_robot.navigation.grid import Floats, OccupancyGrid
 from backend.mcp_robot.simulator.laser import Disc
 from backend.telemetry import Pose
 

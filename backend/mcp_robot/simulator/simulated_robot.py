@@ -19,8 +19,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from backend.config import Limits, Simulator
-from backend.mcp_robot import follower, planner, speech
-from backend.mcp_robot.grid import Floats, OccupancyGrid
+from backend.mcp_robot import speech
+from backend.mcp_robot.navigation import follower, planner
+from backend.mcp_robot.navigation.grid import Floats, OccupancyGrid
 from backend.mcp_robot.refusal import Halted, Refusal
 from backend.mcp_robot.robot import Fix, Picture, Remaining, Route, Sound, TopologicalMap, Velocity
 from backend.mcp_robot.simulator import camera, laser

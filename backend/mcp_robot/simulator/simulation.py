@@ -22,9 +22,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from backend.config import Limits, Simulator
-from backend.mcp_robot import follower, planner
-from backend.mcp_robot.grid import Floats, OccupancyGrid
-from backend.mcp_robot.places import at_dock
+from backend.mcp_robot.navigation import follower, planner
+from backend.mcp_robot.navigation.grid import Floats, OccupancyGrid
+from backend.mcp_robot.navigation.places import at_dock
 from backend.mcp_robot.robot import Remaining
 from backend.mcp_robot.simulator import disturbances
 from backend.mcp_robot.simulator.battery import Accumulator

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from backend.config import Simulator
-from backend.mcp_robot.grid import Floats
+from backend.mcp_robot.navigation.grid import Floats
 from backend.mcp_robot.simulator import people
 from backend.mcp_robot.simulator.laser import Laser
 from backend.mcp_robot.simulator.world import World

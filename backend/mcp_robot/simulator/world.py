@@ -17,7 +17,7 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
 from backend.config import KeepOut
-from backend.mcp_robot.grid import FREE, Floats, OccupancyGrid, sample
+from backend.mcp_robot.navigation.grid import FREE, Floats, OccupancyGrid, sample
 from backend.mcp_robot.robot import PlaceKind, TopologicalMap
 from backend.mcp_robot.simulator import map_file, shades
 from backend.mcp_robot.simulator.map_file import WorldError as WorldError

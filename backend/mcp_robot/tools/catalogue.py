@@ -25,11 +25,12 @@ from mcp_types import (
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
 from backend import __version__, telemetry
-from backend.mcp_robot import places, preview, results, watchdog
-from backend.mcp_robot.pilot import STALE_AFTER, Pilot
-from backend.mcp_robot.progress import accompanied
+from backend.mcp_robot.motion.pilot import STALE_AFTER, Pilot
+from backend.mcp_robot.navigation import places
 from backend.mcp_robot.refusal import Refusal
 from backend.mcp_robot.robot import NOWHERE
+from backend.mcp_robot.tools import preview, results, watchdog
+from backend.mcp_robot.tools.progress import accompanied
 
 TITLE = "robot-acp/title"
 """`_meta` key: a Python format string over the arguments, the title of one call of the tool."""

@@ -15,11 +15,11 @@ from collections.abc import AsyncIterator
 from mcp.server.mcpserver import Context
 
 from backend.config import Limits
-from backend.mcp_robot import watchdog
-from backend.mcp_robot.access import CLIENT_GONE
-from backend.mcp_robot.pilot import Pilot
+from backend.mcp_robot.http.access import CLIENT_GONE
+from backend.mcp_robot.motion.pilot import Pilot
 from backend.mcp_robot.refusal import Refusal
 from backend.mcp_robot.robot import Remaining
+from backend.mcp_robot.tools import watchdog
 
 INTERVAL = 0.5
 

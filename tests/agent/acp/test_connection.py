@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from acp.router import MessageRouter
 
-from backend.agent.connection import ClientConnection
+from backend.agent.acp.connection import ClientConnection
 from tests.processes import PATIENCE_S, Robot
 
 HELLO = {"jsonrpc": "2.0", "id": 1, "method": "initialize", "params": {"protocolVersion": 1}}

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from backend.agent import extensions
-from backend.agent.rights import Rights
+from backend.agent.acp import extensions
+from backend.agent.acp.rights import Rights
 from backend.chat.link import RefusedError
 from backend.identity import Role
 from tests.agent.conftest import Opener
@@ -88,8 +88,8 @@ async def test_a_connection_reads_one_page_at_a_time(monkeypatch: pytest.MonkeyP
         return params
 
     monkeypatch.setattr(extensions, "event_page", read)
-    house = SimpleNamespace(sessions=None)
-    ours = extensions.Extensions(house, Everyone(), lambda _: None)  # type: ignore[arg-type] # nothing else is asked
+    wiring = SimpleNamespace(sessions=None)
+    ours = extensions.Extensions(wiring, Everyone(), lambda _: None)  # type: ignore[arg-type] # nothing else is asked
     asked = [{"sessionId": "s1", "after": after} for after in range(20)]
     assert await asyncio.gather(*(ours.call("robot/events", params) for params in asked)) == asked
     assert most == 1

@@ -9,8 +9,8 @@ import orjson
 import pytest
 
 from backend import wire
-from backend.agent import export
-from backend.agent.store import Event, SessionRow, Store, as_json
+from backend.agent.acp import export
+from backend.agent.sessions.store import Event, SessionRow, Store, as_json
 from tests.agent.conftest import Opener, client_of_an_impatient_agent
 from tests.databases import Database
 from tests.processes import PATIENCE_S, Robot, eventually

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from backend import tokens
-from backend.agent.people import EVERY_S
+from backend.agent.acp.people import EVERY_S
 from backend.identity import Role
 from tests.agent.conftest import Opener
 from tests.processes import Client, Robot, eventually

@@ -11,7 +11,7 @@ import pytest
 from acp.router import MessageRouter
 
 from backend import tokens
-from backend.agent.connection import ClientConnection
+from backend.agent.acp.connection import ClientConnection
 from backend.chat.link import RefusedError
 from backend.identity import Role
 from tests.agent.conftest import Opener

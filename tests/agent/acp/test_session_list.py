@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from backend.agent.sessions import PAGE
+from backend.agent.sessions.sessions import PAGE
 from backend.chat.link import RefusedError
 from backend.identity import Role
 from tests.agent.conftest import Opener, holds_the_robot

@@ -21,11 +21,11 @@ from websockets.asyncio.client import ClientConnection as WebSocket
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
-from backend.agent.connection import ClientConnection
-from backend.agent.house import House
-from backend.agent.lease import Lease
-from backend.agent.robot_link import RobotLink
-from backend.agent.telemetry_feed import MAX_HZ, TelemetryFeed
+from backend.agent.acp.connection import ClientConnection
+from backend.agent.acp.telemetry import MAX_HZ, TelemetryFeed
+from backend.agent.control.lease import Lease
+from backend.agent.robot.robot_client import RobotClient
+from backend.agent.wiring import Wiring
 from backend.config import Settings
 from backend.identity import Identity, Role
 from backend.telemetry import Battery, Pose, State, Twist
@@ -279,8 +279,8 @@ async def test_a_slow_replay_and_the_events_of_another_session_share_a_connectio
 
 
 async def test_old_telemetry_does_not_pile_up_for_a_client_that_does_not_read() -> None:
-    link = RobotLink(None, None)
-    house = SimpleNamespace(link=link, bench=SimpleNamespace(lease=Lease()), settings=Settings())
+    link = RobotClient(None, None)
+    wiring = SimpleNamespace(link=link, turns=SimpleNamespace(lease=Lease()), settings=Settings())
     told = 40_000  # 14 MB, if all of it were kept
     served = asyncio.Event()
 
@@ -288,7 +288,7 @@ async def test_old_telemetry_does_not_pile_up_for_a_client_that_does_not_read() 
         connection = ClientConnection(reader, writer, local=True, max_outbox_bytes=OUTBOX_BYTES)
         connection.identity = Identity("Ana", Role.VIEWER)
         serving = asyncio.create_task(connection.serve(MessageRouter()))
-        feed = TelemetryFeed(cast(House, house), connection, MAX_HZ)
+        feed = TelemetryFeed(cast(Wiring, wiring), connection, MAX_HZ)
         for number in range(told):
             # A robot that speaks all the time: each change of what it says goes out at once.
             await link._set(msgspec.structs.replace(STATE, time=number, speaking=str(number)))

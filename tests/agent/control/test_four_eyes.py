@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from backend.agent import present
-from backend.agent.journal import Journal
-from backend.agent.permissions import Verdict
-from backend.agent.sessions import Sessions
-from backend.agent.store import Store
-from backend.agent.tool_server import Tool
+from backend.agent.acp import updates
+from backend.agent.control.permissions import Verdict
+from backend.agent.robot.mcp_client import Tool
+from backend.agent.sessions.journal import Journal
+from backend.agent.sessions.sessions import Sessions
+from backend.agent.sessions.store import Store
 from backend.identity import Identity, Role
 from tests.agent.conftest import Opener
 from tests.databases import Database
@@ -64,7 +64,7 @@ async def test_nobody_has_allowed_anything_in_a_fork(connect: Opener) -> None:
 
 
 @asynccontextmanager
-async def house(database: Database) -> AsyncIterator[Sessions]:
+async def wiring(database: Database) -> AsyncIterator[Sessions]:
     """The sessions of an agent, from its start to its end."""
     store = Store(database.url)
     await store.open()
@@ -81,18 +81,18 @@ async def test_nor_after_a_restart(database: Database, monkeypatch: pytest.Monke
         return None
 
     monkeypatch.setattr(Sessions, "robot_pose", nowhere)
-    async with house(database) as sessions:
+    async with wiring(database) as sessions:
         session = await sessions.create("Ana", "/", "supervised", "offline/commands")
         verdict = Verdict(True, "selected", "allow_always", "Ana")
-        session.record(present.user_message(present.text_block("say hello"), "Ana", "t"))
-        session.record(present.tool_call("t.1", SPEAK, {}, "pending"))
-        session.record(present.tool_status("t.1", "completed", verdict=verdict))
-        session.record(present.turn_ended("t", "end_turn"))
+        session.record(updates.user_message(updates.text_block("say hello"), "Ana", "t"))
+        session.record(updates.tool_call("t.1", SPEAK, {}, "pending"))
+        session.record(updates.tool_status("t.1", "completed", verdict=verdict))
+        session.record(updates.turn_ended("t", "end_turn"))
         fork = await sessions.fork(session, "Ben")
-        fork.record(present.message("What comes next."))
+        fork.record(updates.message("What comes next."))
         await fork.flushed()
         assert (session.remembered, fork.remembered) == ({"speak": True}, {})
-    async with house(database) as sessions:
+    async with wiring(database) as sessions:
         again = [await sessions.get(one.id, Identity("Sue", Role.SUPERVISOR)) for one in (session, fork)]
         assert [one and one.remembered for one in again] == [{"speak": True}, {}]
         assert again[1] is not None

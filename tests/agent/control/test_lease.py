@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from backend.agent.lease import Claim, Lease, SomebodyElse
+from backend.agent.control.lease import Claim, Lease, SomebodyElse
 from backend.chat.link import RefusedError
 from backend.identity import Role
 from tests.agent.conftest import Opener, holds_the_robot

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from backend.agent.policy import MODE_IDS, MODES_IN_ORDER
+from backend.agent.control.policy import MODE_IDS, MODES_IN_ORDER
 from backend.identity import Role
 from backend.telemetry import Pose
 from tests.agent.conftest import TIME_SCALE, Opener

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from backend.agent import permissions
-from backend.agent.permissions import Audience, PermissionDesk, Verdict, read_answer
+from backend.agent.control import permissions
+from backend.agent.control.permissions import Audience, PermissionDesk, Verdict, read_answer
 from tests.processes import PATIENCE_S
 
 CALL = {"toolCallId": "t1", "title": "Say aloud: “Hi.”"}

@@ -2,7 +2,7 @@
 
 import pytest
 
-from backend.agent.policy import Policy, ToolTraits
+from backend.agent.control.policy import Policy, ToolTraits
 from backend.config import Decision
 from backend.identity import Role
 

@@ -11,13 +11,13 @@ from typing import Any
 
 import pytest
 
-from backend.agent import preview
-from backend.agent.tool_server import ProgressCallback, ServerUnavailable, Tool, ToolResult, ToolServer
+from backend.agent.control import preview
+from backend.agent.robot.mcp_client import McpClient, ProgressCallback, ServerUnavailable, Tool, ToolResult
 from tests.agent.conftest import Opener, client_of_an_impatient_agent
 from tests.processes import Client, Robot, eventually
 
 DRIVE = Tool("navigate_to_place", "Drive", {}, "Drive", None, False, preview="plan_only")
-ACTING = Path(__file__).parent / "acting_robot.py"
+ACTING = Path(__file__).parents[1] / "acting_robot.py"
 
 
 async def wish_for_questions(client: Client) -> None:
@@ -172,7 +172,7 @@ async def test_a_question_says_what_an_always_would_count_for(connect: Opener) -
     assert "robot-acp/preview" not in meta
 
 
-class Answering(ToolServer):
+class Answering(McpClient):
     """A robot server that gives one answer to every call, an exception among them, or never any."""
 
     def __init__(self, answer: ToolResult | Exception | None) -> None:

@@ -20,7 +20,7 @@ from backend.agent.offline.grammar import (
     parse,
 )
 
-LOCALES = Path(__file__).parents[2] / "web" / "src" / "i18n" / "locales"
+LOCALES = Path(__file__).parents[3] / "web" / "src" / "i18n" / "locales"
 NOON = Say("The meeting is at noon.")
 
 

@@ -16,18 +16,18 @@ from typing import Any
 
 import pytest
 
-from backend.agent import sessions as agent_sessions
-from backend.agent.journal import Journal
-from backend.agent.offered_servers import OfferedServers
-from backend.agent.offers import Offer
-from backend.agent.sessions import Sessions
-from backend.agent.store import Store
-from backend.agent.tool_server import Tool, ToolServer
+from backend.agent.robot.client_servers import ClientServers
+from backend.agent.robot.mcp_client import McpClient, Tool
+from backend.agent.robot.server_addresses import Offer
+from backend.agent.sessions import sessions as agent_sessions
+from backend.agent.sessions.journal import Journal
+from backend.agent.sessions.sessions import Sessions
+from backend.agent.sessions.store import Store
 from backend.chat.link import RefusedError
 from backend.identity import Role
 from tests.processes import PATIENCE_S, Client, Robot, end, eventually, free_port, listens, wait_until
 
-HERE = Path(__file__).parent
+HERE = Path(__file__).parents[1]
 SECRET = "k-4711-do-not-show"
 STDIO = {"name": "x", "command": "/bin/sh", "args": [], "env": []}
 
@@ -363,7 +363,7 @@ def connections() -> list[asyncio.Task[Any]]:
 
 async def test_connections_end_with_what_they_belong_to(lab: Lab) -> None:
     offer = Offer("lab", lab.url, {})
-    servers = OfferedServers()
+    servers = ClientServers()
     await servers.take([offer])
     assert connections() == []  # not before a turn wants them
     await servers.beside({})
@@ -379,7 +379,7 @@ async def test_connections_end_with_what_they_belong_to(lab: Lab) -> None:
 
 
 async def test_a_call_ends_with_the_connection_that_it_runs_on(lab: Lab) -> None:
-    servers = OfferedServers()
+    servers = ClientServers()
     await servers.take([Offer("lab", lab.url, {})])
     await servers.beside({})
     call = asyncio.create_task(servers.call("lab__grow_crystals", {}))
@@ -396,7 +396,7 @@ async def test_a_session_that_nobody_uses_lets_its_servers_go(
 ) -> None:
     store = Store(f"sqlite:///{tmp_path / 'sessions.db'}")
     await store.open()
-    nowhere = ToolServer(f"http://127.0.0.1:{free_port()}/mcp", absent="There is no robot.")
+    nowhere = McpClient(f"http://127.0.0.1:{free_port()}/mcp", absent="There is no robot.")
     kept = Sessions(store, Journal(store), nowhere, "get_current_pose", 1.0)
     session = await kept.create("Ana", "/", "supervised", "offline/commands")
     await session.offered.take([Offer("lab", lab.url, {})])
@@ -412,7 +412,7 @@ async def test_a_session_that_nobody_uses_lets_its_servers_go(
 
 async def test_no_tool_of_the_robot_is_shadowed_and_every_name_is_one_for_a_model(lab: Lab) -> None:
     own = Tool("lab__take_photo", "The robot's own.", {}, "Take a photo", None, True)
-    servers = OfferedServers()
+    servers = ClientServers()
     await servers.take([Offer("lab", lab.url, {})])
     tools = await servers.beside({own.name: own})
     assert tools[own.name] is own

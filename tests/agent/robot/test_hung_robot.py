@@ -7,11 +7,11 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
-from backend.agent.connection import ClientConnection
-from backend.agent.house import House
-from backend.agent.lease import Lease
-from backend.agent.robot_link import RobotLink
-from backend.agent.telemetry_feed import TelemetryFeed
+from backend.agent.acp.connection import ClientConnection
+from backend.agent.acp.telemetry import TelemetryFeed
+from backend.agent.control.lease import Lease
+from backend.agent.robot.robot_client import RobotClient
+from backend.agent.wiring import Wiring
 from backend.config import Settings
 from backend.telemetry import Battery, Pose, State, Twist
 from tests.processes import Client, Robot, eventually
@@ -46,10 +46,10 @@ async def test_a_robot_server_that_hangs_is_one_that_cannot_be_reached(tmp_path:
 
 
 async def test_who_asks_for_little_telemetry_can_still_tell_a_silence_from_it() -> None:
-    link, sent = RobotLink(None, None), list[bytes]()
-    house = SimpleNamespace(link=link, bench=SimpleNamespace(lease=Lease()), settings=Settings())
+    link, sent = RobotClient(None, None), list[bytes]()
+    wiring = SimpleNamespace(link=link, turns=SimpleNamespace(lease=Lease()), settings=Settings())
     connection = SimpleNamespace(identity="Ana", may_approve=False, show_latest=lambda _, line: sent.append(line))
-    feed = TelemetryFeed(cast(House, house), cast(ClientConnection, connection), 0.01)
+    feed = TelemetryFeed(cast(Wiring, wiring), cast(ClientConnection, connection), 0.01)
     state = State(0.0, "Sancho", Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), Battery(1.0, False), None, None, None)
     await link._set(state)
     before = len(sent)

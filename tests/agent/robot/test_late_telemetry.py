@@ -11,8 +11,8 @@ import pytest
 from websockets.asyncio.server import ServerConnection, serve
 
 from backend import telemetry
-from backend.agent import robot_link
-from backend.agent.robot_link import RobotLink
+from backend.agent.robot import robot_client
+from backend.agent.robot.robot_client import RobotClient
 from backend.telemetry import Battery, Pose, State, Stop, Twist
 from tests.processes import PATIENCE_S, eventually
 
@@ -42,14 +42,14 @@ class Line:
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
     """A slow test is no silent robot."""
     for limit in ("STALE_S", "REST_TIMEOUT_S"):
-        monkeypatch.setattr(robot_link, limit, PATIENCE_S)
+        monkeypatch.setattr(robot_client, limit, PATIENCE_S)
 
 
 @asynccontextmanager
-async def linked(line: Line) -> AsyncIterator[RobotLink]:
+async def linked(line: Line) -> AsyncIterator[RobotClient]:
     """The agent's link, which has heard how the robot was at first."""
     async with serve(line.serve, "127.0.0.1", 0) as server:
-        link = RobotLink(f"http://127.0.0.1:{next(iter(server.sockets)).getsockname()[1]}/mcp", None)
+        link = RobotClient(f"http://127.0.0.1:{next(iter(server.sockets)).getsockname()[1]}/mcp", None)
         following = asyncio.create_task(link.run())
         await eventually(lambda: link.state, "the robot")
         yield link
@@ -57,7 +57,7 @@ async def linked(line: Line) -> AsyncIterator[RobotLink]:
         await asyncio.gather(following, return_exceptions=True)
 
 
-async def heard(link: RobotLink, line: Line, state: State) -> None:
+async def heard(link: RobotClient, line: Line, state: State) -> None:
     await line.tell(state)
     await eventually(lambda: link.state and link.state.time == state.time, "the next state")
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from backend.agent import tool_server
-from backend.agent.tool_server import ToolServer
+from backend.agent.robot import mcp_client
+from backend.agent.robot.mcp_client import McpClient
 from tests.processes import Client, Robot
 
-OTHER = Path(__file__).parent / "third_party_robot.py"
+OTHER = Path(__file__).parents[1] / "third_party_robot.py"
 
 
 async def test_the_same_agent_drives_a_robot_that_shares_no_code_with_ours(tmp_path: Path) -> None:
@@ -32,8 +32,8 @@ async def test_the_same_agent_drives_a_robot_that_shares_no_code_with_ours(tmp_p
 async def test_a_server_that_has_to_be_started_may_take_longer_than_one_that_runs(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(tool_server, "CONNECT_TIMEOUT_S", 0.01)
-    started = ToolServer(f"stdio:{sys.executable} {OTHER}", absent="There is no robot.")
+    monkeypatch.setattr(mcp_client, "CONNECT_TIMEOUT_S", 0.01)
+    started = McpClient(f"stdio:{sys.executable} {OTHER}", absent="There is no robot.")
     assert set(await started.tools()) == {"say_something", "where_am_i"}
     await started.close()
 

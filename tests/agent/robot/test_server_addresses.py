@@ -8,7 +8,7 @@ import pytest
 from acp.schema import AcpMcpServer, HttpHeader, HttpMcpServer, McpServerStdio, SseMcpServer
 
 from backend import wire
-from backend.agent.offers import MAX_SERVERS, Address, AllowList, Offer, OfferRefused
+from backend.agent.robot.server_addresses import MAX_SERVERS, Address, AllowList, Offer, ServerRefused
 
 ALLOWED = AllowList(["https://tools.example.org/mcp", "http://127.0.0.1:8300", "https://[::1]:9/a/b/"])
 
@@ -62,7 +62,7 @@ def test_what_lies_at_or_below_an_address_of_the_list_is_taken(url: str, dialled
     ],
 )
 def test_what_is_not_on_the_list_is_refused_with_the_name_of_the_setting(url: str) -> None:
-    with pytest.raises(OfferRefused, match=r"not on the list.*agent\.mcp_allow") as refused:
+    with pytest.raises(ServerRefused, match=r"not on the list.*agent\.mcp_allow") as refused:
         read(http(url))
     assert refused.value.code == wire.INVALID_PARAMS
 
@@ -115,7 +115,7 @@ def test_what_is_not_on_the_list_is_refused_with_the_name_of_the_setting(url: st
     ],
 )
 def test_an_address_that_parsers_could_read_in_two_ways_is_refused_and_not_repeated(url: str) -> None:
-    with pytest.raises(OfferRefused, match="address of the MCP server lab cannot be used") as refused:
+    with pytest.raises(ServerRefused, match="address of the MCP server lab cannot be used") as refused:
         read(http(url))
     assert "secret" not in str(refused.value)
     assert "evil" not in str(refused.value)
@@ -130,7 +130,7 @@ def test_an_entry_of_the_list_that_is_no_address_is_named(entry: str) -> None:
 def test_the_empty_list_takes_nothing() -> None:
     assert not AllowList([])
     assert read(allowed=AllowList([])) == ()
-    with pytest.raises(OfferRefused, match=r"agent\.mcp_allow"):
+    with pytest.raises(ServerRefused, match=r"agent\.mcp_allow"):
         read(http("https://tools.example.org/mcp"), allowed=AllowList([]))
 
 
@@ -150,13 +150,13 @@ def test_what_was_checked_is_what_is_dialled() -> None:
     ],
 )
 def test_what_is_not_http_is_refused_to_everybody(server: Any, said: str, may_offer: bool) -> None:
-    with pytest.raises(OfferRefused, match=said) as refused:
+    with pytest.raises(ServerRefused, match=said) as refused:
         read(http("https://tools.example.org/mcp"), server, may_offer=may_offer)
     assert refused.value.code == wire.INVALID_PARAMS
 
 
 def test_only_who_may_offer_offers() -> None:
-    with pytest.raises(OfferRefused, match="your role is operator") as refused:
+    with pytest.raises(ServerRefused, match="your role is operator") as refused:
         read(http("https://tools.example.org/mcp"), may_offer=False)
     assert refused.value.code == wire.NOT_ALLOWED
     assert read(may_offer=False) == ()
@@ -164,20 +164,20 @@ def test_only_who_may_offer_offers() -> None:
 
 @pytest.mark.parametrize("name", ["", "a b", "a__b", "_a", "a_", "ä", "a.b", "a/b", "a\n", "x" * 25])
 def test_a_name_that_would_make_no_name_of_a_tool_is_refused(name: str) -> None:
-    with pytest.raises(OfferRefused, match="name of an MCP server begins the names of its tools"):
+    with pytest.raises(ServerRefused, match="name of an MCP server begins the names of its tools"):
         read(http("https://tools.example.org/mcp", name))
 
 
 def test_names_are_there_once() -> None:
     one, other = http("https://tools.example.org/mcp", "Lab"), http("http://127.0.0.1:8300", "lab")
-    with pytest.raises(OfferRefused, match="Two of the MCP servers are called lab"):
+    with pytest.raises(ServerRefused, match="Two of the MCP servers are called lab"):
         read(one, other)
 
 
 def test_there_are_not_too_many() -> None:
     servers = [http("https://tools.example.org/mcp", f"lab{number}") for number in range(MAX_SERVERS + 1)]
     assert len(read(*servers[1:])) == MAX_SERVERS
-    with pytest.raises(OfferRefused, match=f"at most {MAX_SERVERS} MCP servers; these are {MAX_SERVERS + 1}"):
+    with pytest.raises(ServerRefused, match=f"at most {MAX_SERVERS} MCP servers; these are {MAX_SERVERS + 1}"):
         read(*servers)
 
 
@@ -201,7 +201,7 @@ def test_there_are_not_too_many() -> None:
     ],
 )
 def test_a_header_that_is_not_taken_is_named_by_its_number_alone(headers: dict[str, str], said: str) -> None:
-    with pytest.raises(OfferRefused, match=said) as refused:
+    with pytest.raises(ServerRefused, match=said) as refused:
         read(http("https://tools.example.org/mcp", headers=headers))
     assert "secret" not in str(refused.value)
 

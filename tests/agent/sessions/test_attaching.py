@@ -11,21 +11,21 @@ from typing import Any
 
 import pytest
 
-from backend.agent.acp_server import AcpServer
-from backend.agent.connection import ClientConnection
-from backend.agent.house import House
-from backend.agent.journal import Journal
-from backend.agent.lease import Lease
-from backend.agent.model import OFFLINE_MODEL
-from backend.agent.offers import AllowList
-from backend.agent.people import People
-from backend.agent.policy import Policy
-from backend.agent.robot_link import RobotLink
-from backend.agent.session import Session
-from backend.agent.sessions import Sessions
-from backend.agent.store import Store
-from backend.agent.tool_server import Tool, ToolServer
-from backend.agent.turn import Workbench
+from backend.agent.acp.connection import ClientConnection
+from backend.agent.acp.operations import Operations
+from backend.agent.acp.people import People
+from backend.agent.control.lease import Lease
+from backend.agent.control.policy import Policy
+from backend.agent.robot.mcp_client import McpClient, Tool
+from backend.agent.robot.robot_client import RobotClient
+from backend.agent.robot.server_addresses import AllowList
+from backend.agent.sessions.journal import Journal
+from backend.agent.sessions.session import Session
+from backend.agent.sessions.sessions import Sessions
+from backend.agent.sessions.store import Store
+from backend.agent.turns.model import OFFLINE_MODEL
+from backend.agent.turns.turn import TurnEnvironment
+from backend.agent.wiring import Wiring
 from backend.chat.link import RefusedError
 from backend.config import Settings
 from backend.identity import Role
@@ -42,7 +42,7 @@ class Reader(ClientConnection):
         await self.may_go_on.wait()
 
 
-class Silent(ToolServer):
+class Silent(McpClient):
     """A robot that never says what it can do."""
 
     async def tools(self) -> dict[str, Tool]:
@@ -107,21 +107,23 @@ class Place:
 
 @contextlib.asynccontextmanager
 async def a_place(data: Path) -> AsyncIterator[Place]:
-    nowhere = ToolServer(f"http://127.0.0.1:{free_port()}/mcp", absent="There is no robot.")
+    nowhere = McpClient(f"http://127.0.0.1:{free_port()}/mcp", absent="There is no robot.")
     store = Store(f"sqlite:///{data / 'sessions.db'}")
     await store.open()
     journal = Journal(store)
     keeping = asyncio.create_task(journal.run())
     sessions = Sessions(store, journal, nowhere, "get_current_pose", 1.0)
-    link, may_go_on = RobotLink(None, None), asyncio.Event()
+    link, may_go_on = RobotClient(None, None), asyncio.Event()
     silent = Silent("http://127.0.0.1:1/mcp", absent="There is no robot.")
-    bench = Workbench("Sancho", silent, Policy(), link, store, Lease(), 1.0, 5, 1.0)
-    house = House(Settings(), Registry(data), sessions, journal, link, bench, (OFFLINE_MODEL,), AllowList([]), People())
+    environment = TurnEnvironment("Sancho", silent, Policy(), link, store, Lease(), 1.0, 5, 1.0)
+    wiring = Wiring(
+        Settings(), Registry(data), sessions, journal, link, environment, (OFFLINE_MODEL,), AllowList([]), People()
+    )
 
     async def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         connection = Reader(reader, writer, local=True, max_outbox_bytes=2**20)
         connection.may_go_on = may_go_on
-        server = AcpServer(house, connection)
+        server = Operations(wiring, connection)
         try:
             await connection.serve(server.router())
         finally:

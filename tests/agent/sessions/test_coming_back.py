@@ -9,7 +9,8 @@ from collections.abc import AsyncIterator, Iterator
 import pytest
 
 from backend import config
-from backend.agent import permissions, server
+from backend.agent import server
+from backend.agent.control import permissions
 from backend.identity import Role
 from tests.processes import Client, Robot, eventually, listens
 

@@ -12,13 +12,13 @@ from typing import Any
 import orjson
 import pytest
 
-from backend.agent import journal as journal_module
-from backend.agent.history import History
-from backend.agent.journal import Journal
-from backend.agent.session import Session
-from backend.agent.sessions import Sessions
-from backend.agent.store import Event, SessionRow, Store
-from backend.agent.tool_server import ToolServer
+from backend.agent.robot.mcp_client import McpClient
+from backend.agent.sessions import journal as journal_module
+from backend.agent.sessions.history import History
+from backend.agent.sessions.journal import Journal
+from backend.agent.sessions.session import Session
+from backend.agent.sessions.sessions import Sessions
+from backend.agent.sessions.store import Event, SessionRow, Store
 from tests.databases import Cluster, Database, SQLite
 from tests.processes import PATIENCE_S, eventually
 
@@ -136,7 +136,7 @@ async def test_a_write_that_hangs_hides_nothing_and_is_kept_once_whenever_it_end
 async def test_a_replay_while_the_log_cannot_be_written_has_no_gap(tmp_path: Path) -> None:
     database = SQLite(tmp_path / "sessions.db")
     async with at_work(database) as work:
-        nowhere = ToolServer("http://127.0.0.1:1/mcp", absent="There is no robot.")
+        nowhere = McpClient("http://127.0.0.1:1/mcp", absent="There is no robot.")
         sessions = Sessions(work.store, work.journal, nowhere, "get_current_pose", 1.0)
 
         async def replayed(after: int) -> list[int]:

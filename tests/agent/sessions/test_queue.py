@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from backend.agent.session import MAX_WAITING
+from backend.agent.sessions.session import MAX_WAITING
 from backend.chat.link import RefusedError
 from tests.agent.conftest import Opener
 from tests.processes import Robot, eventually

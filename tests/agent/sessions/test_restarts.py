@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from backend.agent import present
-from backend.agent.store import Event, SessionRow, Store, as_json
+from backend.agent.acp import updates
+from backend.agent.sessions.store import Event, SessionRow, Store, as_json
 from backend.chat.link import LinkError, RefusedError
 from tests.databases import Database
 from tests.processes import PATIENCE_S, Client, Robot, end, eventually
@@ -143,10 +143,10 @@ async def keep_a_long_past(database: Database, turns: int) -> None:
     store = Store(database.url)
     await store.open()
     await store.add_session(SessionRow("long", "Ana", None, "/", "supervised", "offline/commands", None, 0.0, 0.0))
-    updates: list[present.Update] = []
+    updates: list[updates.Update] = []
     for number in range(turns):
-        updates.append(present.user_message(present.text_block("words " * 50), "Ana", str(number)))
-        updates.append(present.message("words " * 50) | {"_meta": present.turn_ended(str(number), "end_turn")["_meta"]})
+        updates.append(updates.user_message(updates.text_block("words " * 50), "Ana", str(number)))
+        updates.append(updates.message("words " * 50) | {"_meta": updates.turn_ended(str(number), "end_turn")["_meta"]})
     await store.append([Event("long", seq, 0.0, as_json(update)) for seq, update in enumerate(updates, 1)])
     await store.close()
 

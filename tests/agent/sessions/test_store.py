@@ -12,12 +12,12 @@ from typing import Any
 import pytest
 from sqlalchemy.exc import DatabaseError, IntegrityError
 
-from backend.agent import database as database_module
-from backend.agent import store as store_module
-from backend.agent.history import History
-from backend.agent.journal import Journal
-from backend.agent.session import Session
-from backend.agent.store import Event, SessionRow, Store, StoreError, as_json
+from backend.agent.sessions import database as database_module
+from backend.agent.sessions import store as store_module
+from backend.agent.sessions.history import History
+from backend.agent.sessions.journal import Journal
+from backend.agent.sessions.session import Session
+from backend.agent.sessions.store import Event, SessionRow, Store, StoreError, as_json
 from tests.databases import PASSWORD, Cluster, Database, SQLite
 from tests.processes import eventually
 

@@ -14,17 +14,18 @@ import mcp_types as types
 import pytest
 from mcp.server.lowlevel import Server
 
-from backend.agent import model, tool_server
-from backend.agent import session as agent_session
-from backend.agent.history import History
-from backend.agent.journal import Journal
-from backend.agent.lease import Lease
-from backend.agent.policy import Policy
-from backend.agent.robot_link import RobotLink
-from backend.agent.session import Session
-from backend.agent.store import SessionRow, Store
-from backend.agent.tool_server import ServerUnavailable, Tool, ToolResult, ToolServer
-from backend.agent.turn import Turn, Workbench
+from backend.agent.control.lease import Lease
+from backend.agent.control.policy import Policy
+from backend.agent.robot import mcp_client
+from backend.agent.robot.mcp_client import McpClient, ServerUnavailable, Tool, ToolResult
+from backend.agent.robot.robot_client import RobotClient
+from backend.agent.sessions import session as agent_session
+from backend.agent.sessions.history import History
+from backend.agent.sessions.journal import Journal
+from backend.agent.sessions.session import Session
+from backend.agent.sessions.store import SessionRow, Store
+from backend.agent.turns import model
+from backend.agent.turns.turn import Turn, TurnEnvironment
 from backend.identity import Identity, Role
 from backend.telemetry import Battery, Pose, State, Twist
 from tests.processes import PATIENCE_S, eventually
@@ -54,7 +55,7 @@ class _Broken:
         raise anyio.ClosedResourceError
 
 
-class Clinging(ToolServer):
+class Clinging(McpClient):
     """The connection to a server that broke and does not end, because the server does not take leave."""
 
     def __init__(self) -> None:
@@ -75,7 +76,7 @@ class Clinging(ToolServer):
 async def test_a_turn_that_takes_leave_of_a_broken_server_is_cancelled_all_the_same(
     session: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(tool_server, "PARTING_TIMEOUT_S", 10 * PATIENCE_S)
+    monkeypatch.setattr(mcp_client, "PARTING_TIMEOUT_S", 10 * PATIENCE_S)
     server = Clinging()
     went_on = False
 
@@ -97,7 +98,7 @@ async def test_a_turn_that_takes_leave_of_a_broken_server_is_cancelled_all_the_s
 
 
 async def test_a_server_that_does_not_take_leave_makes_nobody_wait_for_long(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tool_server, "PARTING_TIMEOUT_S", 0.05)
+    monkeypatch.setattr(mcp_client, "PARTING_TIMEOUT_S", 0.05)
     server = Clinging()
     async with asyncio.timeout(PATIENCE_S):
         with pytest.raises(ServerUnavailable):
@@ -172,7 +173,7 @@ async def test_no_second_cancel_interrupts_a_turn_that_halts(session: Session, m
     assert await turn == "halted"
 
 
-class Robot(ToolServer):
+class Robot(McpClient):
     """A robot that is lost in the middle of its first motion."""
 
     async def tools(self) -> dict[str, Tool]:
@@ -198,11 +199,13 @@ async def test_the_robot_is_given_on_at_rest_when_a_turn_fails_in_mid_motion(
         pass
 
     monkeypatch.setattr(model, "ready", at_once)
-    link, lease, tools = RobotLink(None, None), Lease(), Robot("http://127.0.0.1:1/mcp", absent="")
+    link, lease, tools = RobotClient(None, None), Lease(), Robot("http://127.0.0.1:1/mcp", absent="")
     await link._set(at(0.5))
-    bench = Workbench("Sancho", tools, Policy(), link, session._journal._store, lease, 1.0, 5, 1.0, infer=turning)
+    environment = TurnEnvironment(
+        "Sancho", tools, Policy(), link, session._journal._store, lease, 1.0, 5, 1.0, infer=turning
+    )
     turn = asyncio.create_task(
-        session.run_turn(Turn(bench, session, ANA, [{"type": "text", "text": "turn"}], None).run)
+        session.run_turn(Turn(environment, session, ANA, [{"type": "text", "text": "turn"}], None).run)
     )
     told = "The robot does not answer."
     await eventually(lambda: told in str(session.history.messages()) or turn.done(), "the failure to be told")
@@ -224,7 +227,7 @@ async def test_the_robot_is_given_on_at_rest_when_a_turn_fails_in_mid_motion(
 
 
 async def test_a_robot_that_is_silent_on_an_open_line_does_not_count_as_one_at_rest() -> None:
-    link = RobotLink(None, None)
+    link = RobotClient(None, None)
     await link._set(at(0.5))
     rest = asyncio.create_task(link.at_rest())
     await asyncio.sleep(0)
@@ -239,7 +242,7 @@ async def test_a_robot_that_is_silent_on_an_open_line_does_not_count_as_one_at_r
     await asyncio.gather(rest, later)
 
 
-class InMemory(ToolServer):
+class InMemory(McpClient):
     """The connection to a server of the SDK in this process."""
 
     def __init__(self, server: Server[Any]) -> None:

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from backend.identity import Role
+from tests.agent.acp.test_connection import HELLO, dial
 from tests.agent.conftest import Opener
-from tests.agent.test_wire_rules import HELLO, dial
 from tests.processes import Client, Robot, eventually
 
 FORMS = {"elicitation": {"form": {}}}

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from backend.agent import model
+from backend.agent.turns import model
 
 
 def delta(index: int | None, call_id: str | None, name: str | None, arguments: str | None) -> Any:

@@ -8,8 +8,8 @@ import time
 
 import pytest
 
-from backend.agent.phases import PHASES, Phases, phase_of
-from backend.agent.policy import ToolTraits
+from backend.agent.control.policy import ToolTraits
+from backend.agent.turns.phases import PHASES, Phases, phase_of
 from tests.agent.conftest import Opener, holds_the_robot
 from tests.processes import Client, eventually
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import orjson
 import pytest
 
-from backend.agent.robot_link import RobotLink
+from backend.agent.robot.robot_client import RobotClient
 from backend.chat.link import RefusedError
 from backend.identity import Role
+from tests.agent.acp.test_connection import HELLO, dial
 from tests.agent.conftest import Opener, holds_the_robot
-from tests.agent.test_wire_rules import HELLO, dial
 from tests.databases import Database
 from tests.processes import Client, Robot, eventually
 
@@ -144,7 +144,7 @@ async def test_commands_run_without_the_model_under_the_same_policy(connect: Ope
 
 async def test_a_stop_is_made_although_whoever_asked_for_it_is_gone(robot: Robot) -> None:
     bearer = robot.robot_headers["Authorization"].removeprefix("Bearer ")
-    link = RobotLink(f"http://127.0.0.1:{robot.robot_port}/mcp", bearer)
+    link = RobotClient(f"http://127.0.0.1:{robot.robot_port}/mcp", bearer)
     asked = asyncio.create_task(link.stop("Ana"))
     await asyncio.sleep(0)
     asked.cancel()

@@ -7,9 +7,8 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 
-from backend.mcp_robot.access import own_names
-
-from .conftest import Served
+from backend.mcp_robot.http.access import own_names
+from tests.mcp_robot.conftest import Served
 
 ROUTES = [("POST", "/mcp"), ("GET", "/mcp"), ("POST", "/stop"), ("POST", "/release"), ("GET", "/nothing")]
 

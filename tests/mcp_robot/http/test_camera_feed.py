@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 
 from backend.config import Limits
-from backend.mcp_robot import camera_feed
-from backend.mcp_robot.camera_feed import CameraFeed
-from backend.mcp_robot.pilot import Pilot
+from backend.mcp_robot.http import camera_feed
+from backend.mcp_robot.http.camera_feed import CameraFeed
+from backend.mcp_robot.motion.pilot import Pilot
+from backend.mcp_robot.motion.stop import StopLatch
 from backend.mcp_robot.robot import Picture
 from backend.mcp_robot.simulator.simulated_robot import SimulatedRobot
 from backend.mcp_robot.simulator.world import World
-from backend.mcp_robot.stop import StopLatch
 from tests.processes import eventually
 
 

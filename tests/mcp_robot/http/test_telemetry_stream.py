@@ -13,10 +13,9 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
 from backend import telemetry
-from backend.mcp_robot.camera_feed import RATE
-from backend.mcp_robot.grid import FREE, OCCUPIED, UNKNOWN
-
-from .conftest import Reader, Served, serving
+from backend.mcp_robot.http.camera_feed import RATE
+from backend.mcp_robot.navigation.grid import FREE, OCCUPIED, UNKNOWN
+from tests.mcp_robot.conftest import Reader, Served, serving
 
 
 async def test_the_first_message_says_which_robot_and_which_channels(robot: Served) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from backend.config import Limits, Simulator
-from backend.mcp_robot import follower
+from backend.mcp_robot.navigation import follower
 from backend.mcp_robot.simulator.disturbances import BOUND, Localisation, Slip
 from backend.mcp_robot.simulator.simulation import Simulation
 from backend.mcp_robot.simulator.world import World

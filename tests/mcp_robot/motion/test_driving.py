@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from backend.config import Limits, Simulator
-from backend.mcp_robot import follower, planner
+from backend.mcp_robot.navigation import follower, planner
 from backend.mcp_robot.simulator.motions import Drive, Turn
 from backend.mcp_robot.simulator.simulation import FOOTPRINT_RADIUS, MAX_REROUTES, STEP, Simulation
 from backend.mcp_robot.simulator.world import World

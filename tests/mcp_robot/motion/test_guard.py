@@ -16,14 +16,14 @@ import numpy as np
 import pytest
 
 from backend.config import Limits, Simulator
-from backend.mcp_robot import guard
-from backend.mcp_robot.pilot import Pilot
+from backend.mcp_robot.motion import guard
+from backend.mcp_robot.motion.pilot import Pilot
+from backend.mcp_robot.motion.stop import StopLatch
 from backend.mcp_robot.refusal import Refusal
 from backend.mcp_robot.robot import Fix, Route, Velocity
 from backend.mcp_robot.simulator.battery import Accumulator
 from backend.mcp_robot.simulator.simulated_robot import LARGEST_LAG, SimulatedRobot
 from backend.mcp_robot.simulator.world import World
-from backend.mcp_robot.stop import StopLatch
 from backend.telemetry import Pose, Scan, Twist, Zone
 
 LAB = Pose(11.8, 4.0, 0.0)

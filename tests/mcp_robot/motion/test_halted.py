@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 from pathlib import Path
 
-from .conftest import serving
-from .test_tools import call, refused
+from tests.mcp_robot.conftest import serving
+from tests.mcp_robot.tools.test_tools import call, refused
 
 
 async def test_a_motion_that_the_watchdog_ends_is_told_until_the_next_one_begins(tmp_path: Path) -> None:

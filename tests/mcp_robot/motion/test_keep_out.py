@@ -13,15 +13,14 @@ import numpy as np
 import pytest
 
 from backend import config
-from backend.mcp_robot import keep_out, safety
-from backend.mcp_robot.grid import FREE, KEEP_OUT, OCCUPIED, OccupancyGrid
+from backend.mcp_robot.motion import keep_out, safety
+from backend.mcp_robot.navigation.grid import FREE, KEEP_OUT, OCCUPIED, OccupancyGrid
 from backend.mcp_robot.refusal import Refusal
 from backend.mcp_robot.simulator import world as worlds
 from backend.mcp_robot.simulator.world import BUILT_IN, World, WorldError
 from backend.telemetry import Map, Pose, Zone
-
-from .conftest import serving
-from .test_tools import call, refused
+from tests.mcp_robot.conftest import serving
+from tests.mcp_robot.tools.test_tools import call, refused
 
 SQUARE = Zone("square", [(1.0, 1.0), (3.0, 1.0), (3.0, 2.0), (1.0, 2.0)])
 ARROW = Zone("arrow", [(5.0, 1.0), (7.0, 3.0), (5.0, 5.0), (6.0, 3.0)])

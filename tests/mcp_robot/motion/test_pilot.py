@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 
 from backend.config import Limits
-from backend.mcp_robot.pilot import Pilot
-from backend.mcp_robot.preview import Preview
+from backend.mcp_robot.motion.pilot import Pilot
+from backend.mcp_robot.motion.stop import StopLatch
 from backend.mcp_robot.refusal import Refusal
 from backend.mcp_robot.robot import Fix, Route, Sound
 from backend.mcp_robot.simulator.simulated_robot import SimulatedRobot
 from backend.mcp_robot.simulator.world import World
-from backend.mcp_robot.stop import StopLatch
+from backend.mcp_robot.tools.preview import Preview
 from backend.telemetry import Pose
 
 KITCHEN = Pose(2.9, 9.7, 0.0)

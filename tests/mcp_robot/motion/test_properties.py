@@ -24,8 +24,9 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 from backend.config import Limits, Simulator
-from backend.mcp_robot import follower, guard, keep_out, planner, safety
-from backend.mcp_robot.grid import FREE, OCCUPIED, Floats, OccupancyGrid
+from backend.mcp_robot.motion import guard, keep_out, safety
+from backend.mcp_robot.navigation import follower, planner
+from backend.mcp_robot.navigation.grid import FREE, OCCUPIED, Floats, OccupancyGrid
 from backend.mcp_robot.refusal import Refusal
 from backend.mcp_robot.robot import TopologicalMap
 from backend.mcp_robot.simulator.laser import Laser

@@ -10,10 +10,11 @@ from typing import get_args
 import pytest
 
 from backend.config import Limits
-from backend.mcp_robot import refusal, safety
+from backend.mcp_robot import refusal
+from backend.mcp_robot.motion import safety
+from backend.mcp_robot.motion.stop import FILE, StopLatch, name_of
 from backend.mcp_robot.refusal import Refusal
 from backend.mcp_robot.simulator.world import World
-from backend.mcp_robot.stop import FILE, StopLatch, name_of
 from backend.telemetry import Battery, Pose, Stop
 
 RADIUS = 0.25
@@ -79,7 +80,7 @@ def test_more_than_so_many_within_a_minute_are_too_often() -> None:
 
 
 def test_every_code_is_in_the_table_of_the_documentation_and_the_table_has_no_other() -> None:
-    table = (Path(__file__).parents[2] / "docs" / "safety.md").read_text()
+    table = (Path(__file__).parents[3] / "docs" / "safety.md").read_text()
     assert set(re.findall(r"^\| `([a-z_]+)` \|", table, re.M)) == set(get_args(refusal.Code))
 
 

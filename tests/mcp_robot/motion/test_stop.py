@@ -10,11 +10,10 @@ from pathlib import Path
 import httpx
 import pytest
 
-from backend.mcp_robot.stop import FILE
+from backend.mcp_robot.motion.stop import FILE
+from tests.mcp_robot.conftest import Served, serving
+from tests.mcp_robot.tools.test_tools import AT_ONCE, call, refused
 from tests.processes import Robot, end
-
-from .conftest import Served, serving
-from .test_tools import AT_ONCE, call, refused
 
 
 async def test_a_stop_brakes_ends_the_motion_with_its_name_and_refuses_new_ones(tmp_path: Path) -> None:

@@ -7,8 +7,8 @@ import math
 import pytest
 
 from backend.config import Limits, Simulator
-from backend.mcp_robot import planner
-from backend.mcp_robot.grid import FREE, OCCUPIED
+from backend.mcp_robot.navigation import planner
+from backend.mcp_robot.navigation.grid import FREE, OCCUPIED
 from backend.mcp_robot.simulator import world
 from backend.mcp_robot.simulator.motions import Drive
 from backend.mcp_robot.simulator.simulation import Simulation

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from backend.mcp_robot.grid import FREE, OCCUPIED, OccupancyGrid, distance_field
+from backend.mcp_robot.navigation.grid import FREE, OCCUPIED, OccupancyGrid, distance_field
 
 
 def test_the_distance_field_is_the_euclidean_distance_up_to_its_cap() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from backend.mcp_robot import places
+from backend.mcp_robot.navigation import places
 from backend.mcp_robot.refusal import Refusal
 from backend.mcp_robot.robot import TopologicalMap
 from backend.mcp_robot.simulator.world import World

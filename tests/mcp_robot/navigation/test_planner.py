@@ -7,9 +7,9 @@ import itertools
 import numpy as np
 import pytest
 
-from backend.mcp_robot import planner
-from backend.mcp_robot import search as searching
-from backend.mcp_robot.grid import FREE, OCCUPIED, OccupancyGrid
+from backend.mcp_robot.navigation import planner
+from backend.mcp_robot.navigation import search as searching
+from backend.mcp_robot.navigation.grid import FREE, OCCUPIED, OccupancyGrid
 from backend.mcp_robot.simulator import world
 from backend.mcp_robot.simulator.world import World
 

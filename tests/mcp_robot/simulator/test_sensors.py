@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from backend.mcp_robot.grid import FREE, OCCUPIED, OccupancyGrid
+from backend.mcp_robot.navigation.grid import FREE, OCCUPIED, OccupancyGrid
 from backend.mcp_robot.simulator import camera, figures, laser
 from backend.mcp_robot.simulator.laser import Laser
 from backend.mcp_robot.simulator.world import World

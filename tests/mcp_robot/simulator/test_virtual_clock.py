@@ -11,14 +11,14 @@ from pathlib import Path
 import pytest
 
 from backend.config import Limits, Simulator
-from backend.mcp_robot.pilot import Pilot
+from backend.mcp_robot.motion.pilot import Pilot
+from backend.mcp_robot.motion.stop import StopLatch
 from backend.mcp_robot.refusal import Refusal
 from backend.mcp_robot.simulator.simulated_robot import SimulatedRobot
 from backend.mcp_robot.simulator.simulation import Simulation
 from backend.mcp_robot.simulator.world import World
-from backend.mcp_robot.stop import StopLatch
 from backend.telemetry import Pose, Twist
-from tests.mcp_robot.test_people import standing_at
+from tests.mcp_robot.simulator.test_people import standing_at
 from tests.processes import eventually
 
 EVERYTHING = Simulator(people=4, localisation_noise=0.03, heading_noise=0.01, wheel_slip=0.1)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from backend.mcp_robot.grid import FREE, OCCUPIED, UNKNOWN
+from backend.mcp_robot.navigation.grid import FREE, OCCUPIED, UNKNOWN
 from backend.mcp_robot.simulator import world
 from backend.mcp_robot.simulator.world import World, WorldError
 from backend.mcp_robot.worlds import make_hospital, make_office

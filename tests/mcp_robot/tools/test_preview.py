@@ -10,11 +10,10 @@ import pytest
 from mcp import Client
 from mcp_types import CallToolResult, RequestParamsMeta
 
-from backend.mcp_robot import pilot
+from backend.mcp_robot.motion import pilot
 from backend.telemetry import Path as Way
-
-from .conftest import Reader, Served, serving
-from .test_tools import call, refused
+from tests.mcp_robot.conftest import Reader, Served, serving
+from tests.mcp_robot.tools.test_tools import call, refused
 
 KITCHEN, LAB = (2.9, 9.7), (11.8, 4.0)
 

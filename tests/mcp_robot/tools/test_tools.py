@@ -16,8 +16,7 @@ from mcp_types import AudioContent, CallToolResult, ImageContent, TextContent
 from PIL import Image
 
 from backend import telemetry
-
-from .conftest import Served, serving
+from tests.mcp_robot.conftest import Served, serving
 
 TOOLS = {
     "get_topological_map",

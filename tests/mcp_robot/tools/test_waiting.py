@@ -6,8 +6,7 @@ import asyncio
 import math
 
 from backend.mcp_robot.ros2.waiting import until
-
-from .test_watchdog import stand
+from tests.mcp_robot.tools.test_watchdog import stand
 
 
 async def test_what_is_true_already_is_not_waited_for_and_what_never_comes_is_given_up() -> None:

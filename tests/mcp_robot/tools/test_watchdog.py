@@ -14,14 +14,13 @@ from typing import Any
 
 import pytest
 
-from backend.agent.tool_server import ToolServer
+from backend.agent.robot.mcp_client import McpClient
 from backend.config import Limits
-from backend.mcp_robot import watchdog
+from backend.mcp_robot.tools import watchdog
 from backend.sockets import notice_loss
-
-from .conftest import Reader, Served, serving
-from .dead_line import line_to
-from .test_tools import call
+from tests.mcp_robot.conftest import Reader, Served, serving
+from tests.mcp_robot.tools.dead_line import line_to
+from tests.mcp_robot.tools.test_tools import call
 
 SILENCE = 2.0
 """The watchdog's limit in these tests, in seconds."""
@@ -44,10 +43,10 @@ asyncio.run(main(*sys.argv[1:]))
 """
 AGENT = """
 import asyncio, sys
-from backend.agent.tool_server import ToolServer
+from backend.agent.robot.mcp_client import McpClient
 
 async def main(url, token, place):
-    tools = ToolServer(url, {"Authorization": "Bearer " + token}, absent="gone")
+    tools = McpClient(url, {"Authorization": "Bearer " + token}, absent="gone")
     await tools.call("navigate_to_place", {"place": place})
 
 asyncio.run(main(*sys.argv[1:]))
@@ -134,7 +133,7 @@ async def test_the_agents_connection_outlives_the_silence_that_ended_its_motion(
         robot.telemetry("state", rate=50) as reader,
         line_to(robot.port) as line,
     ):
-        tools = ToolServer(f"http://127.0.0.1:{line.port}/mcp", robot.headers, absent="gone")
+        tools = McpClient(f"http://127.0.0.1:{line.port}/mcp", robot.headers, absent="gone")
         driving = asyncio.create_task(tools.call("navigate_to_place", {"place": "lab 2.3.7"}))
         await reader.state(lambda s: s.twist.linear > 0.3)
         line.die()
