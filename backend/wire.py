@@ -12,12 +12,11 @@ from typing import Any, Literal
 
 import orjson
 
+from backend import meta as keys
+
 MAX_FRAME_BYTES = 16 * 1024 * 1024
 MAX_DEPTH = 64
 MAX_ID_CHARS = 256
-RESERVED = "robot-acp/"
-"""`_meta` keys that begin so are ours; those of identity are set by the bridge alone."""
-TOKEN_META = "robot-acp/token"  # noqa: S105 - the name of a field
 
 PARSE_ERROR = -32700
 INVALID_REQUEST = -32600
@@ -129,8 +128,8 @@ def with_identity(frame: Frame, token: str) -> bytes:
     """An `initialize` frame with the verified token in `_meta`, and nothing else of ours that a client put there."""
     params = dict(frame.body.get("params") or {})
     meta = params.get("_meta")
-    kept = {k: v for k, v in meta.items() if not k.startswith(RESERVED)} if isinstance(meta, dict) else {}
-    params["_meta"] = kept | {TOKEN_META: token}
+    kept = {k: v for k, v in meta.items() if not k.startswith(keys.PREFIX)} if isinstance(meta, dict) else {}
+    params["_meta"] = kept | {keys.TOKEN: token}
     return orjson.dumps(frame.body | {"params": params})
 
 

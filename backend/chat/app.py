@@ -22,7 +22,7 @@ from prompt_toolkit.patch_stdout import patch_stdout
 from rich.console import Console
 from rich.text import Text
 
-from backend import wire
+from backend import meta as keys
 from backend.chat import pipe
 from backend.chat.link import Link, LinkError, RefusedError, open_link
 from backend.chat.status import METHOD, SUBSCRIPTION, Status
@@ -98,9 +98,9 @@ class Chat:
             "clientInfo": {"name": "robot-acp chat", "version": "1"},
         }
         if token and address.startswith("tcp:"):
-            about["_meta"] = {wire.TOKEN_META: token}  # over WebSocket it went with the handshake
+            about["_meta"] = {keys.TOKEN: token}  # over WebSocket it went with the handshake
         hello = await self._link.request("initialize", about)
-        mine = hello.get("agentCapabilities", {}).get("_meta", {}).get("robot-acp", {})
+        mine = hello.get("agentCapabilities", {}).get("_meta", {}).get(keys.CAPABILITIES, {})
         self._view.robot = mine.get("robot", "The robot")
         if session == "last":
             listed = (await self._link.request("session/list", {}))["sessions"]
@@ -164,7 +164,7 @@ class Chat:
         self._redraw()
 
     def _question_text(self, params: dict[str, Any]) -> str:
-        seconds = (params.get("_meta") or {}).get("robot-acp/timeout_s")
+        seconds = (params.get("_meta") or {}).get(keys.TIMEOUT_S)
         limit = f" ({seconds:.0f} s to answer)" if seconds else ""
         title = params["toolCall"].get("title", "act")
         return (

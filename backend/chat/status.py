@@ -11,11 +11,12 @@ from typing import Any
 
 import msgspec
 
+from backend import meta as keys
 from backend.telemetry import Battery, Motion, Pose, Stop, Twist
 
 METHOD = "_robot/telemetry"
 RATE_HZ = 2.0
-SUBSCRIPTION = {"robot-acp/telemetry": {"rate": RATE_HZ}}
+SUBSCRIPTION = {keys.TELEMETRY: {"rate": RATE_HZ}}
 """What asks for it, in `clientCapabilities._meta` of `initialize`."""
 
 _BATTERY_STEP = 0.1

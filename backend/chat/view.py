@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from backend import meta as keys
+
 Style = Literal["you", "thought", "robot", "tool", "result", "problem", "note"]
 
 _MARKS = {"pending": "○", "in_progress": "◌", "completed": "✓", "failed": "✗"}
@@ -47,9 +49,7 @@ class View:
             return []
         lines = self.flush()
         if kind == "user_message_chunk":
-            lines.append(
-                Line("you", f"{meta.get('robot-acp/by', 'you')}: {update['content'].get('text', '[attachment]')}")
-            )
+            lines.append(Line("you", f"{meta.get(keys.BY, 'you')}: {update['content'].get('text', '[attachment]')}"))
         elif kind == "plan":
             lines += [Line("note", f"{_MARKS[e['status']]} {e['content']}") for e in update["entries"]]
         elif kind == "tool_call":
@@ -61,7 +61,7 @@ class View:
             lines.append(Line("note", f"The mode is now {update['currentModeId']}."))
         elif kind == "session_info_update":
             self.title = update.get("title") or self.title
-            lines += self._turn_end(meta.get("robot-acp/turn") or {})
+            lines += self._turn_end(meta.get(keys.TURN) or {})
         return lines
 
     def flush(self) -> list[Line]:
@@ -79,7 +79,7 @@ class View:
 
     def _tool_status(self, update: dict[str, Any], meta: dict[str, Any]) -> list[Line]:
         title = self._titles.get(update["toolCallId"], "Tool")
-        decision = meta.get("robot-acp/decision") or {}
+        decision = meta.get(keys.DECISION) or {}
         allowed = str(decision.get("option") or "").startswith("allow_")
         lines = [Line("note", f"Allowed by {decision['by']}.")] if allowed and decision.get("by") else []
         if update["status"] in ("completed", "failed"):

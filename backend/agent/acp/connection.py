@@ -23,6 +23,7 @@ from acp.exceptions import RequestError
 from acp.router import MessageRouter
 from pydantic import ValidationError
 
+from backend import meta as keys
 from backend import wire
 from backend.identity import Identity, Right
 
@@ -97,7 +98,7 @@ class ClientConnection:
     @property
     def takes_people(self) -> bool:
         """Whether the client asked to be told who is connected."""
-        return (self.client_capabilities.get("_meta") or {}).get("robot-acp/people") is True
+        return (self.client_capabilities.get("_meta") or {}).get(keys.PEOPLE) is True
 
     @property
     def takes_forms(self) -> bool:

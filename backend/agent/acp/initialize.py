@@ -13,6 +13,7 @@ from acp.schema import (
 )
 
 from backend import __version__
+from backend import meta as keys
 from backend.agent.acp.extensions import EXTENSIONS
 from backend.agent.wiring import Wiring
 from backend.identity import Identity
@@ -37,6 +38,6 @@ def hello(wiring: Wiring, who: Identity | None) -> InitializeResponse:
             session_capabilities=SessionCapabilities.model_validate(
                 {"list": {}, "resume": {}, "fork": {}, "close": {}, "delete": {}}
             ),
-            field_meta={"robot-acp": about},
+            field_meta={keys.CAPABILITIES: about},
         ),
     )

@@ -29,6 +29,7 @@ from acp.schema import (
 from pydantic import BaseModel, Field
 
 from backend import identity, wire
+from backend import meta as keys
 from backend.agent.acp import commands, settings
 from backend.agent.acp.connection import ClientConnection, after_the_answer
 from backend.agent.acp.extensions import Extensions
@@ -44,11 +45,6 @@ from backend.identity import Identity, Right, Role
 from backend.tokens import RegistryError
 
 log = logging.getLogger(__name__)
-
-_AFTER = "robot-acp/after"
-_SEARCH = "robot-acp/search"
-_OWNER = "robot-acp/owner"
-_TURN = "robot-acp/turn"
 
 
 class SetModelRequest(BaseModel):
@@ -101,7 +97,7 @@ class Operations:
         del protocol_version, client_info  # there is one version
         if self._greeted:
             return hello(self._wiring, self._connection.identity)  # who this is has been settled, and stays
-        token = (meta or {}).get(wire.TOKEN_META)
+        token = (meta or {}).get(keys.TOKEN)
         if token is not None:
             self._identify(token)
         elif self._connection.local and self._wiring.settings.agent.trust_loopback:
@@ -111,14 +107,14 @@ class Operations:
         who = self._connection.identity
         log.info("client %s: %s", self._connection.id, f"{who.name}, {who.role.value}" if who else "not logged in")
         self._connection.client_capabilities = capabilities
-        self._follow_robot((capabilities.get("_meta") or {}).get("robot-acp/telemetry"))
+        self._follow_robot((capabilities.get("_meta") or {}).get(keys.TELEMETRY))
         return hello(self._wiring, self._connection.identity)
 
     async def authenticate(self, method_id: str, meta: dict[str, Any] | None = None) -> AuthenticateResponse:
         """Prove who one is with a token in `_meta`."""
-        token = (meta or {}).get(wire.TOKEN_META)
+        token = (meta or {}).get(keys.TOKEN)
         if method_id != "token" or not isinstance(token, str):
-            raise RequestError(wire.INVALID_PARAMS, f'Authenticate with method "token" and {wire.TOKEN_META} in _meta.')
+            raise RequestError(wire.INVALID_PARAMS, f'Authenticate with method "token" and {keys.TOKEN} in _meta.')
         self._identify(token)
         self._judge()
         return AuthenticateResponse()
@@ -197,9 +193,9 @@ class Operations:
     ) -> dict[str, Any]:
         """Watch a session from now on, or from the event after the one that `_meta` names."""
         del cwd, additional_directories
-        after = (meta or {}).get(_AFTER)
+        after = (meta or {}).get(keys.AFTER)
         if after is not None and (not isinstance(after, int) or isinstance(after, bool) or after < 0):
-            raise RequestError(wire.INVALID_PARAMS, f"{_AFTER} must be the number of an event.")
+            raise RequestError(wire.INVALID_PARAMS, f"{keys.AFTER} must be the number of an event.")
         session = await self._reopened(session_id, mcp_servers)
         await self._attach(session, after)
         return self._opened(session)
@@ -227,9 +223,9 @@ class Operations:
         """The sessions that this person may see, newest first; those alone that have the words that `_meta` gives."""
         del cwd  # a robot has no working folder that would sort sessions
         who = self._rights.known()
-        words = (meta or {}).get(_SEARCH, "")
+        words = (meta or {}).get(keys.SEARCH, "")
         if not isinstance(words, str):
-            raise RequestError(wire.INVALID_PARAMS, f"{_SEARCH} must be text.")
+            raise RequestError(wire.INVALID_PARAMS, f"{keys.SEARCH} must be text.")
         rows = await self._wiring.sessions.page(who, settings.read_cursor(cursor), words)
         infos = [
             SessionInfo(
@@ -237,7 +233,7 @@ class Operations:
                 cwd=row.cwd,
                 title=row.title,
                 updated_at=settings.iso(row.updated),
-                field_meta={_OWNER: row.owner} | self._running(row.id),
+                field_meta={keys.OWNER: row.owner} | self._running(row.id),
             )
             for row in rows
         ]
@@ -394,7 +390,7 @@ class Operations:
     def _running(self, session_id: str) -> dict[str, Any]:
         """The `_meta` that tells of the turn that runs in a session; empty between turns."""
         turn_id = self._wiring.sessions.turn_of(session_id)
-        return {_TURN: {"id": turn_id, "state": "running"}} if turn_id is not None else {}
+        return {keys.TURN: {"id": turn_id, "state": "running"}} if turn_id is not None else {}
 
     def _follow_robot(self, wanted: Any) -> None:
         if isinstance(wanted, dict):

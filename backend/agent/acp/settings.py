@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import Any
 
+from backend import meta as keys
 from backend.agent.acp import updates
 from backend.agent.control.policy import MODE_IDS, MODES
 from backend.agent.sessions.session import Session
@@ -29,7 +30,7 @@ def state(session: Session, models: Sequence[str]) -> dict[str, Any]:
             "currentModelId": current,
             "availableModels": [{"modelId": name, "name": name} for name in _with(models, current)],
         },
-        "_meta": {"robot-acp/remembered": session.remembered},
+        "_meta": {keys.REMEMBERED: session.remembered},
     }
 
 

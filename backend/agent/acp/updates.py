@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 from typing import Any, Literal
 
+from backend import meta as keys
 from backend.agent.control.permissions import Verdict
 from backend.agent.robot.mcp_client import Progress, Tool, ToolResult
 from backend.agent.turns.phases import Phase
@@ -23,7 +24,7 @@ def text_block(text: str) -> dict[str, Any]:
 
 def user_message(block: dict[str, Any], by: str, turn_id: str) -> Update:
     """One block of somebody's prompt; begins the turn."""
-    meta = {"robot-acp/by": by, "robot-acp/turn": {"id": turn_id, "state": "running"}}
+    meta = {keys.BY: by, keys.TURN: {"id": turn_id, "state": "running"}}
     return {"sessionUpdate": "user_message_chunk", "content": block, "_meta": meta}
 
 
@@ -39,7 +40,7 @@ def message(text: str) -> Update:
 
 def lost(text: str, taken_by: str | None) -> Update:
     """The robot was taken away from the turn; by whom, where it was a person."""
-    return message(text) | ({"_meta": {"robot-acp/taken_over": {"by": taken_by}}} if taken_by is not None else {})
+    return message(text) | ({"_meta": {keys.TAKEN_OVER: {"by": taken_by}}} if taken_by is not None else {})
 
 
 def plan(entries: Any) -> Update | None:
@@ -69,7 +70,7 @@ def tool_call(
         "kind": _kind(tool),
         "status": status,
         "rawInput": arguments,
-        "_meta": {"robot-acp/tool": tool.name, "robot-acp/phase": phase},
+        "_meta": {keys.TOOL: tool.name, keys.PHASE: phase},
     }
 
 
@@ -87,13 +88,13 @@ def tool_status(call_id: str, status: ToolStatus, text: str | None = None, verdi
         update["content"] = [_content(text_block(text))]
     if verdict is not None:
         decision = {"by": verdict.by, "option": verdict.option, "reason": verdict.reason}
-        update["_meta"] = {"robot-acp/decision": decision}
+        update["_meta"] = {keys.DECISION: decision}
     return update
 
 
 def tool_waits(call_id: str, text: str, waits: dict[str, Any]) -> Update:
     """A call that cannot begin yet: why, in words for people, and in `_meta` what it waits for."""
-    return tool_status(call_id, "pending", text) | {"_meta": {"robot-acp/waiting": waits}}
+    return tool_status(call_id, "pending", text) | {"_meta": {keys.WAITING: waits}}
 
 
 def tool_progress(call_id: str, progress: Progress) -> Update:
@@ -102,7 +103,7 @@ def tool_progress(call_id: str, progress: Progress) -> Update:
         "sessionUpdate": "tool_call_update",
         "toolCallId": call_id,
         "content": [_content(text_block(progress.message))],
-        "_meta": {"robot-acp/progress": {"fraction": progress.fraction, "message": progress.message}},
+        "_meta": {keys.PROGRESS: {"fraction": progress.fraction, "message": progress.message}},
     }
 
 
@@ -133,15 +134,15 @@ def title(text: str) -> Update:
 def turn_ended(turn_id: str, stop_reason: str, phases: dict[str, float] | None = None) -> Update:
     """The end of a turn, for those who did not ask for it and for the log; `phases` are the seconds it took, by phase,
     where they were measured."""
-    meta: dict[str, Any] = {"robot-acp/turn": {"id": turn_id, "state": "ended", "stopReason": stop_reason}}
+    meta: dict[str, Any] = {keys.TURN: {"id": turn_id, "state": "ended", "stopReason": stop_reason}}
     if phases is not None:
-        meta["robot-acp/phases"] = phases
+        meta[keys.PHASES] = phases
     return {"sessionUpdate": "session_info_update", "_meta": meta}
 
 
 def forked(original: str) -> Update:
     """The first of a fork's own events: what comes before it happened in the session `original`."""
-    return {"sessionUpdate": "session_info_update", "_meta": {"robot-acp/forked": {"from": original}}}
+    return {"sessionUpdate": "session_info_update", "_meta": {keys.FORKED: {"from": original}}}
 
 
 def current_mode(mode_id: str) -> Update:

@@ -16,6 +16,8 @@ from typing import Any, Literal, Protocol
 from acp.schema import RequestPermissionResponse
 from pydantic import ValidationError
 
+from backend import meta as keys
+
 log = logging.getLogger(__name__)
 
 GRACE_S = 10.0
@@ -203,13 +205,13 @@ class PermissionDesk:
             return Verdict(False, "nobody")
         expires = datetime.now(UTC) + timedelta(seconds=self.timeout_s)
         meta: dict[str, Any] = {
-            "robot-acp/expires": expires.isoformat(),
-            "robot-acp/timeout_s": self.timeout_s,
-            "robot-acp/asker": asker,
-            "robot-acp/subject": subject,
+            keys.EXPIRES: expires.isoformat(),
+            keys.TIMEOUT_S: self.timeout_s,
+            keys.ASKER: asker,
+            keys.SUBJECT: subject,
         }
         if preview is not None:
-            meta["robot-acp/preview"] = preview
+            meta[keys.PREVIEW] = preview
         params = {
             "sessionId": session_id,
             "toolCall": tool_call,

@@ -11,6 +11,7 @@ import asyncio
 import logging
 from typing import Any
 
+from backend import meta as keys
 from backend import telemetry
 from backend.agent.acp import updates
 from backend.agent.robot.mcp_client import McpClient, ServerUnavailable, Tool, ToolResult
@@ -18,7 +19,6 @@ from backend.agent.robot.mcp_client import McpClient, ServerUnavailable, Tool, T
 log = logging.getLogger(__name__)
 
 TIMEOUT_S = 2.0
-META = "robot-acp/preview"
 
 
 class Refused(Exception):
@@ -32,7 +32,7 @@ class Refused(Exception):
 def drawn_for(own: str, *, rehearsal: bool = False) -> dict[str, Any]:
     """The `_meta` of a call whose way is to be drawn under the id `own`; a `rehearsal` is held to all that the drive
     itself would have to pass."""
-    return {META: {"id": own, "rehearsal": rehearsal}}
+    return {keys.PREVIEW: {"id": own, "rehearsal": rehearsal}}
 
 
 def not_stopped(tool: Tool, state: telemetry.State | None) -> None:
@@ -47,7 +47,7 @@ def not_stopped(tool: Tool, state: telemetry.State | None) -> None:
 async def rehearsed(tools: McpClient, tool: Tool, arguments: dict[str, Any], own: str) -> dict[str, Any] | None:
     """Let the robot draw the way that `tool`, which can preview, would take, under the id `own`.
 
-    Returns `robot-acp/preview` of the question: length and seconds as far as the robot tells them; None when nothing
+    Returns the PREVIEW `_meta` of the question: length and seconds as far as the robot tells them; None when nothing
     came of it in time. Raises `Refused`.
     """
     assert tool.preview is not None  # noqa: S101 - the caller has looked

@@ -23,6 +23,7 @@ from mcp.client.streamable_http import streamable_http_client
 from mcp.shared._httpx_utils import create_mcp_http_client
 from mcp.shared.exceptions import MCPError
 
+from backend import meta as keys
 from backend.agent.control.policy import ToolTraits
 from backend.agent.robot import sign_of_life
 
@@ -35,8 +36,6 @@ PARTING_TIMEOUT_S = 5.0
 """How long a server may take to be left; then its connection ends without anybody who waits."""
 MAX_RESULT_BYTES = 12 * 1024 * 1024
 """A spoken sentence comes back as sound: half a minute of it is over the SDK's limit of one MiB."""
-_TITLE_META = "robot-acp/title"
-_PREVIEW_META = "robot-acp/preview"
 
 
 class ServerUnavailable(Exception):
@@ -283,7 +282,7 @@ async def _list(client: mcp.Client) -> list[Tool]:
 def _tool(described: mcp_types.Tool) -> Tool:
     notes = described.annotations
     meta = described.meta or {}
-    template = meta.get(_TITLE_META)
+    template = meta.get(keys.TITLE)
     title = described.title or (notes and notes.title) or described.name.replace("_", " ").capitalize()
     return Tool(
         name=described.name,
@@ -293,7 +292,7 @@ def _tool(described: mcp_types.Tool) -> Tool:
         title_template=template if isinstance(template, str) else None,
         read_only=notes.read_only_hint if notes else None,
         sign_of_life=sign_of_life.Asked.of(meta),
-        preview=_flag(meta.get(_PREVIEW_META), described.input_schema),
+        preview=_flag(meta.get(keys.PREVIEW), described.input_schema),
     )
 
 

@@ -17,8 +17,8 @@ from typing import Any, cast
 import mcp
 from mcp_types import RequestParamsMeta
 
-_META = "robot-acp/sign-of-life"
-_CALLER = "robot-acp/caller"
+from backend import meta as keys
+
 SHARE = 0.2
 """Part of the time that the server allows which passes between two signs."""
 
@@ -33,7 +33,7 @@ class Asked:
     @classmethod
     def of(cls, meta: Mapping[str, Any]) -> Asked | None:
         """From a tool's `_meta`; None when nothing usable is asked."""
-        asked = meta.get(_META)
+        asked = meta.get(keys.SIGN_OF_LIFE)
         match asked:
             case {"within": int() | float() as within, "tool": str(tool)} if within > 0:
                 return cls(float(within), tool)
@@ -46,7 +46,7 @@ async def given(client: mcp.Client, asked: Asked | None) -> AsyncIterator[Reques
     if asked is None:
         yield None
         return
-    name = cast("RequestParamsMeta", {_CALLER: secrets.token_urlsafe(16)})
+    name = cast("RequestParamsMeta", {keys.CALLER: secrets.token_urlsafe(16)})
     beating = asyncio.create_task(_beat(client, asked, name), name="sign of life")
     try:
         yield name

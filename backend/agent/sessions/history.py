@@ -9,6 +9,8 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from backend import meta as keys
+
 PLAN_TOOL = "update_plan"
 PHOTO_NOTE = "The picture that was just taken:"
 """Begins the message that shows a photo to a model that can see; it is not a person's."""
@@ -42,9 +44,9 @@ class History:
         """Take in one update."""
         kind = update["sessionUpdate"]
         meta = update.get("_meta") or {}
-        if turn := meta.get("robot-acp/turn"):
+        if turn := meta.get(keys.TURN):
             self.interrupted = turn["id"] if turn["state"] == "running" else None
-        if "robot-acp/forked" in meta:  # in this session nobody has allowed anything yet
+        if keys.FORKED in meta:  # in this session nobody has allowed anything yet
             self.remembered = {tool: allowed for tool, allowed in self.remembered.items() if not allowed}
         if kind == "user_message_chunk":
             self._user(update["content"], (turn or {}).get("id"))
@@ -53,9 +55,9 @@ class History:
         elif kind == "plan":
             self._plan(update["entries"])
         elif kind == "tool_call":
-            self._tool_call(update, meta.get("robot-acp/tool", update["title"]))
+            self._tool_call(update, meta.get(keys.TOOL, update["title"]))
         elif kind == "tool_call_update":
-            self._remember(update["toolCallId"], meta.get("robot-acp/decision") or {})
+            self._remember(update["toolCallId"], meta.get(keys.DECISION) or {})
             if update.get("status") in ("completed", "failed"):
                 self._tool_result(update)
 

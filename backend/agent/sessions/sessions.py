@@ -11,6 +11,7 @@ from collections.abc import AsyncIterator, Coroutine
 from dataclasses import replace
 from typing import Any
 
+from backend import meta as keys
 from backend.agent.acp import updates
 from backend.agent.acp.abilities import look
 from backend.agent.control.permissions import Audience
@@ -68,7 +69,7 @@ class Sessions:
         ended = 0
         async for event in self._store.events(session.id):
             past.append(replace(event, session_id=row.id))
-            turn = (event.update.get("_meta") or {}).get("robot-acp/turn") or {}
+            turn = (event.update.get("_meta") or {}).get(keys.TURN) or {}
             ended = event.seq if turn.get("state") == "ended" else ended
         past = [event for event in past if event.seq <= ended]
         if past:

@@ -20,6 +20,7 @@ from typing import Any, TypeVar
 import orjson
 import sqlalchemy as sa
 
+from backend import meta as keys
 from backend.agent.sessions.database import StoreError, engine_for, why
 
 log = logging.getLogger(__name__)
@@ -113,7 +114,7 @@ class Event:
     def frame(self) -> bytes:
         """The notification as one line."""
         head = b'{"jsonrpc":"2.0","method":"session/update","params":{"sessionId":' + orjson.dumps(self.session_id)
-        meta = orjson.dumps({"robot-acp/seq": self.seq, "robot-acp/at": self.time})
+        meta = orjson.dumps({keys.SEQ: self.seq, keys.AT: self.time})
         return head + b',"update":' + self.raw + b',"_meta":' + meta + b"}}\n"
 
 

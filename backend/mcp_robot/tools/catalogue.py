@@ -25,15 +25,13 @@ from mcp_types import (
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
 from backend import __version__, telemetry
+from backend import meta as keys
 from backend.mcp_robot.motion.pilot import STALE_AFTER, Pilot
 from backend.mcp_robot.navigation import places
 from backend.mcp_robot.refusal import Refusal
 from backend.mcp_robot.robot import NOWHERE
 from backend.mcp_robot.tools import preview, results, watchdog
 from backend.mcp_robot.tools.progress import accompanied
-
-TITLE = "robot-acp/title"
-"""`_meta` key: a Python format string over the arguments, the title of one call of the tool."""
 
 LOOK = ToolAnnotations(read_only_hint=True, destructive_hint=False, idempotent_hint=True, open_world_hint=False)
 GO = ToolAnnotations(read_only_hint=False, destructive_hint=False, idempotent_hint=True, open_world_hint=True)
@@ -119,7 +117,7 @@ def build(pilot: Pilot) -> RobotServer:
 def _add_looking(server: RobotServer, pilot: Pilot) -> None:
     robot = pilot.robot
 
-    @server.tool(title="Read the map", annotations=LOOK, meta={TITLE: "Read the map"})
+    @server.tool(title="Read the map", annotations=LOOK, meta={keys.TITLE: "Read the map"})
     async def get_topological_map() -> results.TopologicalMap:
         """All places that have a name, with id, name, type (space or docking) and position, and how they are joined."""
         nodes = [
@@ -129,7 +127,7 @@ def _add_looking(server: RobotServer, pilot: Pilot) -> None:
         edges = [results.Edge(source=a, target=b) for a, b in robot.places.edges]
         return results.TopologicalMap(frame_id=robot.places.frame_id, nodes=nodes, edges=edges)
 
-    @server.tool(title="Where is the robot", annotations=LOOK, meta={TITLE: "Look where the robot is"})
+    @server.tool(title="Where is the robot", annotations=LOOK, meta={keys.TITLE: "Look where the robot is"})
     async def get_current_pose() -> results.CurrentPose:
         """Where the robot is in the map frame, and which named place is nearest."""
         fix = robot.fix
@@ -146,12 +144,12 @@ def _add_looking(server: RobotServer, pilot: Pilot) -> None:
             nearest_place_distance=round(near[1], 2) if near else None,
         )
 
-    @server.tool(title="Robot status", annotations=LOOK, meta={TITLE: "Look how the robot is"})
+    @server.tool(title="Robot status", annotations=LOOK, meta={keys.TITLE: "Look how the robot is"})
     async def get_robot_status() -> results.RobotStatus:
         """Battery, speed, the stop, and what the robot is doing now."""
         return _status(pilot)
 
-    @server.tool(title="Take a photo", annotations=LOOK, meta={TITLE: "Take a photo"})
+    @server.tool(title="Take a photo", annotations=LOOK, meta={keys.TITLE: "Take a photo"})
     async def take_photo() -> Annotated[CallToolResult, results.Photo]:
         """Take a picture with the robot's front camera."""
         picture = await pilot.photo()
@@ -167,12 +165,12 @@ def _add_looking(server: RobotServer, pilot: Pilot) -> None:
 
 def _sign_of_life(pilot: Pilot) -> dict[str, Any]:
     """What a client is told of the watchdog, in the `_meta` of tools that act."""
-    return {watchdog.SIGN: {"within": pilot.limits.client_silence, "tool": "get_robot_status"}}
+    return {keys.SIGN_OF_LIFE: {"within": pilot.limits.client_silence, "tool": "get_robot_status"}}
 
 
 def _add_moving(server: RobotServer, pilot: Pilot) -> None:
     sign = _sign_of_life(pilot)
-    plans = {preview.META: "plan_only"}
+    plans = {keys.PREVIEW: "plan_only"}
 
     async def go(
         context: Context, goal: telemetry.Pose, final_yaw: bool, place: telemetry.Place | None, plan_only: bool
@@ -197,7 +195,7 @@ def _add_moving(server: RobotServer, pilot: Pilot) -> None:
             plan_only=plan_only,
         )
 
-    @server.tool(title="Drive to a pose", annotations=GO, meta={TITLE: "Drive to ({x}, {y})", **sign, **plans})
+    @server.tool(title="Drive to a pose", annotations=GO, meta={keys.TITLE: "Drive to ({x}, {y})", **sign, **plans})
     async def navigate_to_pose(
         ctx: Context,
         x: Annotated[float, Field(description="m in the map frame")],
@@ -208,7 +206,7 @@ def _add_moving(server: RobotServer, pilot: Pilot) -> None:
         """Drive to a point of the map, around walls and furniture; returns when the robot is there."""
         return await go(ctx, telemetry.Pose(x, y, yaw or 0.0), yaw is not None, None, plan_only)
 
-    @server.tool(title="Drive to a place", annotations=GO, meta={TITLE: "Drive to {place}", **sign, **plans})
+    @server.tool(title="Drive to a place", annotations=GO, meta={keys.TITLE: "Drive to {place}", **sign, **plans})
     async def navigate_to_place(
         ctx: Context,
         place: Annotated[str, Field(description="id or name from get_topological_map", max_length=200)],
@@ -218,7 +216,7 @@ def _add_moving(server: RobotServer, pilot: Pilot) -> None:
         found = places.resolve(place, pilot.robot.places)
         return await go(ctx, found.pose, True, found, plan_only)
 
-    @server.tool(title="Turn on the spot", annotations=ACT, meta={TITLE: "Turn by {degrees}°", **sign})
+    @server.tool(title="Turn on the spot", annotations=ACT, meta={keys.TITLE: "Turn by {degrees}°", **sign})
     async def rotate_in_place(
         ctx: Context,
         degrees: Annotated[float, Field(description="positive is counter-clockwise, to the left")],
@@ -234,7 +232,7 @@ def _add_moving(server: RobotServer, pilot: Pilot) -> None:
 def _add_speaking(server: RobotServer, pilot: Pilot) -> None:
     sign = _sign_of_life(pilot)
 
-    @server.tool(title="Say something aloud", annotations=ACT, meta={TITLE: "Say aloud: “{text}”", **sign})
+    @server.tool(title="Say something aloud", annotations=ACT, meta={keys.TITLE: "Say aloud: “{text}”", **sign})
     async def speak(
         ctx: Context, text: Annotated[str, Field(description="what to say, in plain words")]
     ) -> Annotated[CallToolResult, results.Spoken]:

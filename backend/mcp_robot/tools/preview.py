@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-META = "robot-acp/preview"
-"""`_meta` key. Of a tool: the name of its flag with which it computes and moves nothing. Of a call: a `Preview`."""
+from backend import meta as keys
+
 MAX_ID = 200
 """Letters of an id; none is a slash, as it is part of an address."""
 
@@ -26,7 +26,7 @@ class Preview:
 
 def asked(meta: Mapping[str, Any] | None) -> Preview | None:
     """What a request's `_meta` asks for; None where nothing usable is asked."""
-    match (meta or {}).get(META):
+    match (meta or {}).get(keys.PREVIEW):
         case {"id": str(own), **more} if 0 < len(own) <= MAX_ID and "/" not in own:
             return Preview(own, more.get("rehearsal") is True)
     return None

@@ -4,8 +4,8 @@ A connection that breaks is seen at once. One that stands is no proof: behind a 
 that is stopped, the kernel goes on to acknowledge. So the client's program itself has to be heard:
 
 - under the handshake protocols the server sends it MCP's `ping`, which every client answers;
-- protocol 2026-07-28 forbids that. There a client may name itself (`_meta` CALLER) and promise to call some tool as
-  often as the tools' `_meta` SIGN asks; each call that carries the name is a sign of life;
+- protocol 2026-07-28 forbids that. There a client may name itself (`_meta` key CALLER) and promise to call some tool as
+  often as the tools' `_meta` SIGN_OF_LIFE asks; each call that carries the name is a sign of life;
 - one that does neither gives no sign, and may move the robot for a limited time only.
 
 Silence counts only while this process runs: while a busy computer let it stand, it could not have heard anybody.
@@ -24,13 +24,10 @@ from mcp.shared.exceptions import MCPError
 from mcp.shared.message import ServerMessageMetadata
 from mcp_types import CONNECTION_CLOSED, EmptyResult, PingRequest
 
+from backend import meta as keys
 from backend.config import Limits
 from backend.mcp_robot.refusal import Refusal
 
-CALLER = "robot-acp/caller"
-"""`_meta` key of a call: a name of the client, which no other one can guess."""
-SIGN = "robot-acp/sign-of-life"
-"""`_meta` key of a tool: `within`, the seconds in which a caller must be heard, and `tool`, one that is cheap."""
 MAX_NAME = 200
 SHARE = 0.25
 """Part of the time allowed that passes before the next question; the rest is for the answer."""
@@ -88,7 +85,7 @@ class Callers:
 
 def caller(meta: Mapping[str, Any] | None) -> str | None:
     """How a client names itself in a request's `_meta`; None for a name that cannot be one."""
-    name = (meta or {}).get(CALLER)
+    name = (meta or {}).get(keys.CALLER)
     return name if isinstance(name, str) and 0 < len(name) <= MAX_NAME else None
 
 
@@ -97,8 +94,8 @@ def admit(context: Context[Any, Any], limits: Limits) -> None:
     if not (limits.unheard_motion or context.session.can_send_request or caller(context.request_context.meta)):
         raise Refusal(
             "no_sign_of_life",
-            f"Nothing moves for a client that cannot be heard. Name yourself under {CALLER} in the _meta of the call, "
-            f"and call get_robot_status with it every {limits.client_silence / 2:g} s.",
+            f"Nothing moves for a client that cannot be heard. Name yourself under {keys.CALLER} in the _meta of the "
+            f"call and call get_robot_status with it every {limits.client_silence / 2:g} s.",
         )
 
 

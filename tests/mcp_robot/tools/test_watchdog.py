@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from backend import meta as keys
 from backend.agent.robot.mcp_client import McpClient
 from backend.config import Limits
 from backend.mcp_robot.tools import watchdog
@@ -216,7 +217,7 @@ async def stand(seconds: float) -> None:
 
 @pytest.mark.parametrize("name", [None, 7, "", "x" * 201, ["Ana"]])
 def test_a_name_that_is_none_is_no_name(name: Any) -> None:
-    assert watchdog.caller({watchdog.CALLER: name}) is None
+    assert watchdog.caller({keys.CALLER: name}) is None
     assert watchdog.caller(None) is None
 
 
