@@ -167,7 +167,7 @@ async def _wiring(settings: Settings) -> AsyncIterator[Wiring]:
         asyncio.create_task(link.run(), name="robot link"),
         asyncio.create_task(Attendance(sessions, lease, agent.unattended_after).run(), name="attendance"),
         asyncio.create_task(wiring.people.run(), name="people"),
-        asyncio.create_task(_warm_up(tools), name="warm up"),
+        asyncio.create_task(_warm_up(tools, agent.model), name="warm up"),
     ]
     try:
         yield wiring
@@ -181,11 +181,11 @@ async def _wiring(settings: Settings) -> AsyncIterator[Wiring]:
         await store.close()
 
 
-async def _warm_up(tools: McpClient) -> None:
-    """Load the model library and connect to the robot before anybody asks."""
+async def _warm_up(tools: McpClient, default_model: str) -> None:
+    """Connect to the robot and load the provider of the default model before anybody asks."""
     with contextlib.suppress(Exception):
         await tools.tools()  # a robot that is not there yet is no error: the first prompt connects again
-    await model.load()
+    await model.ready(default_model)
 
 
 def _is_loopback(writer: asyncio.StreamWriter) -> bool:

@@ -39,7 +39,7 @@ import asyncio, sys
 from backend import cli
 from backend.agent import server
 from backend.agent.turns import model
-asyncio.run(model.ready())
+asyncio.run(model.ready(model.OFFLINE_MODEL))
 if sys.stdin.readline():
     sys.exit(cli.main(["agent"]))
 """

@@ -1,5 +1,5 @@
-"""`offline/commands`: a small command grammar behind litellm, for trying the robot without any language model.
+"""`offline/commands`: a small command grammar that works without any language model, for trying the robot.
 
-It is no language model and says so. Like a model it knows its messages and its tool list, and nothing else: no
-place, no pose, no tool name of this robot may be written into this folder.
+It is no language model and says so. Like a model it knows its messages, its tool list and the situation, and nothing
+else: no place, no pose, no name of this robot's tools may be written into this folder.
 """

@@ -1,13 +1,12 @@
-"""The command grammar as a chat model: messages and tools in, text and tool calls out, with no memory of its own.
+"""The command grammar as a chat model: it takes messages, tools and the situation, and returns text and tool calls.
 
-Each call looks at the last thing a person said, at what was done about it since, and gives the next step. So a
-refusal, a failure or a restart in between needs no state here.
+It has no memory of its own. Each inference reads the last message of a person and the tool calls since then, and
+returns the next step. So a refusal, a failure or a restart in between needs no state here.
 """
 
 from __future__ import annotations
 
 import json
-import re
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -28,17 +27,16 @@ from backend.agent.offline.grammar import (
 )
 from backend.agent.offline.places import Node, find, read_map, unknown
 from backend.agent.offline.toolbox import Toolbox
-
-_PLAN = "update_plan"
-_ASK = "ask_person"
-_START = re.compile(r"started with the robot at x=([-\d.e]+), y=([-\d.e]+)(?:, yaw=([-\d.e]+))?")
+from backend.agent.sessions.history import PLAN_TOOL
+from backend.agent.turns.model import Situation, StartPose
+from backend.agent.turns.prompts import ASK_TOOL
 
 Call = tuple[str, dict[str, Any]]
 
 
 @dataclass(frozen=True)
 class Reply:
-    """What the model answers: text, and the tools it wants to run."""
+    """The answer of one inference: text, and the tool calls that it proposes."""
 
     text: str = ""
     calls: list[Call] = field(default_factory=list)
@@ -46,49 +44,48 @@ class Reply:
 
 @dataclass(frozen=True)
 class Done:
-    """A tool call of this turn and what came back."""
+    """A tool call of this turn that has ended, and its result as the model reads it."""
 
     tool: str
     result: str
 
     @property
     def failed(self) -> bool:
-        """Whether it came back as an error."""
+        """Whether the result is an error."""
         return self.result.startswith("Error: ")
 
 
-def respond(messages: list[dict[str, Any]], tools: list[dict[str, Any]]) -> Reply:
-    """The next step about the last message of a person; without tools, what is about to be done."""
-    system = "\n".join(_text(m) for m in messages if m["role"] == "system")
+def respond(messages: list[dict[str, Any]], tools: list[dict[str, Any]], situation: Situation) -> Reply:
+    """The next step for the last message of a person. Without tools: a sentence that announces the actions."""
     asked, since = _last_turn(messages)
     actions = parse(asked)
     if not tools:
-        return Reply(report.intention(actions, _listed(system, "ask a person first")))
+        return Reply(report.intention(actions, situation.asks))
     book = Toolbox(tools)
     if not actions or actions == [TellAbilities()]:
         excuse = "" if actions else "I did not understand that. "
         return Reply(excuse + report.help_text(book.abilities()))
     done = _done(since)
-    past = [d for d in done if d.tool not in (_PLAN, _ASK)]
-    answers = [report.chosen(d.result) for d in done if d.tool == _ASK]
-    return _Turn(book, actions, system, past, answers, _last_plan(since)).next()
+    past = [d for d in done if d.tool not in (PLAN_TOOL, ASK_TOOL)]
+    answers = [report.chosen(d.result) for d in done if d.tool == ASK_TOOL]
+    return _Turn(book, actions, situation.start, past, answers, _last_plan(since)).next()
 
 
 class _Turn:
-    """One person's request, the actions it stands for, and how far they are."""
+    """The actions that a person asked for, and the tool calls that were made for them so far."""
 
     def __init__(
         self,
         book: Toolbox,
         actions: list[Action],
-        system: str,
+        start: StartPose | None,
         past: list[Done],
         answers: list[str | None],
         shown: list[str] | None,
     ) -> None:
         self._book = book
         self._actions = actions
-        self._start = _START.search(system)
+        self._start = start
         self._past = past
         self._answers = answers
         self._meant: dict[str, Node] = {}
@@ -141,7 +138,7 @@ class _Turn:
         return Reply(calls=[*plan, call])
 
     def _plan_is_stale(self, position: int) -> bool:
-        return len(self._actions) > 1 and self._book.has(_PLAN) and self._shown != self._statuses(position)
+        return len(self._actions) > 1 and self._book.has(PLAN_TOOL) and self._shown != self._statuses(position)
 
     def _statuses(self, position: int) -> list[str]:
         count = len(self._actions)
@@ -153,10 +150,10 @@ class _Turn:
             {"content": report.plan_entry(action), "status": status}
             for action, status in zip(self._actions, statuses, strict=True)
         ]
-        return _PLAN, {"entries": entries}
+        return PLAN_TOOL, {"entries": entries}
 
     def _settle_places(self) -> Reply | None:
-        """Find out which place each name means, with the person's help; None when all are clear."""
+        """Find the place that each name means; None when every name means one place, else a question or a refusal."""
         answers = list(self._answers)
         for place in dict.fromkeys(a.place for a in self._actions if isinstance(a, GoTo)):
             found = find(place, self._nodes)
@@ -165,8 +162,8 @@ class _Turn:
             if len(found) > 1:
                 names = [n.name for n in found]
                 question = f"Which one do you mean: {', '.join(names)}?"
-                if not answers and self._book.has(_ASK):
-                    return Reply(calls=[(_ASK, {"question": "Which one do you mean?", "options": names})])
+                if not answers and self._book.has(ASK_TOOL):
+                    return Reply(calls=[(ASK_TOOL, {"question": "Which one do you mean?", "options": names})])
                 answer = answers.pop(0) if answers else None
                 found = [n for n in found if n.name == answer]
                 if not found:
@@ -183,11 +180,8 @@ class _Turn:
             case GoToPoint(x, y, yaw):
                 return book.drive_to_point(x, y, yaw)
             case GoBack():
-                if self._start is None:
-                    return None
-                heading = self._start[3]
-                yaw = None if heading is None else float(heading)
-                return book.drive_to_point(float(self._start[1]), float(self._start[2]), yaw)
+                start = self._start
+                return start and book.drive_to_point(start.x, start.y, start.yaw)
             case Say(text):
                 return book.say(text)
             case Turn(degrees):
@@ -224,11 +218,6 @@ def _last_plan(since: list[dict[str, Any]]) -> list[str] | None:
         json.loads(c["function"]["arguments"])["entries"]
         for m in since
         for c in m.get("tool_calls") or ()
-        if c["function"]["name"] == _PLAN
+        if c["function"]["name"] == PLAN_TOOL
     ]
     return [entry["status"] for entry in plans[-1]] if plans else None
-
-
-def _listed(system: str, what: str) -> list[str]:
-    found = re.search(rf"Tools that {what}: ([^\n]*)\.", system)
-    return found[1].split(", ") if found else []

@@ -1,6 +1,6 @@
-"""Commands in English, and the simplest in Spanish, as a list of actions. Plain functions over text.
+"""Parses commands in English, and the simplest in Spanish, into a list of actions. Plain functions over text.
 
-It knows nothing about this robot.
+Nothing about this robot may stand here: neither its places nor its tools.
 
 "Go to lab 2.3.7 and tell them that the meeting is at noon, then come back" is three actions. What is quoted, or
 follows "that", is speech up to the next ", then …" or the end.
@@ -8,6 +8,7 @@ follows "that", is speech up to the next ", then …" or the end.
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 
@@ -158,7 +159,7 @@ def _clauses(text: str) -> list[str]:
 
 
 def _bare(text: str) -> str:
-    """Without greetings, politeness, a name at the front, and a full stop at the end."""
+    """The text without greetings, politeness, a name at its start and a full stop at its end."""
     text = text.strip().strip(",;")
     while True:
         shorter = _CALLED.sub("", _POLITE.sub("", text)).strip()
@@ -215,7 +216,8 @@ def _moving(clause: str, _quotes: list[str]) -> list[Action]:
     if not going:
         return []
     if point := _POINT.match(going["place"]):
-        return [GoToPoint(float(point[1]), float(point[2]))]
+        x, y = float(point[1]), float(point[2])
+        return [GoToPoint(x, y)] if math.isfinite(x + y) else []
     return [GoTo(_place(going["place"]))]
 
 
@@ -234,7 +236,7 @@ def _turn(rest: str) -> list[Action]:
         return []
     degrees = float(number[0]) if number else 90.0
     clockwise = re.search(r"\bright\b|(?<!counter)(?<!counter-)(?<!anti)\bclockwise\b", rest)
-    return [Turn(-degrees if clockwise else degrees)]
+    return [Turn(-degrees if clockwise else degrees)] if math.isfinite(degrees) else []
 
 
 def _speaking(clause: str, quotes: list[str]) -> list[Action]:

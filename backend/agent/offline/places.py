@@ -1,9 +1,10 @@
-"""Finds the place that a person means among the nodes of a topological map, as a reader of the map would."""
+"""Finds the place that a person means among the nodes of a topological map, by names alone."""
 
 from __future__ import annotations
 
 import difflib
 import json
+import math
 import re
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +14,7 @@ _ARTICLE = re.compile(r"^(?:the|a|your|our)\s+", re.I)
 
 @dataclass(frozen=True)
 class Node:
-    """A named place of the map."""
+    """A named place of the map: `x` and `y` in m, `yaw` in rad, in the map frame."""
 
     id: str
     name: str
@@ -24,7 +25,7 @@ class Node:
 
 
 def read_map(text: str) -> list[Node]:
-    """The nodes in a map tool's answer; an empty list when it holds none."""
+    """The nodes in the answer of a map tool. What is no node is left out."""
     try:
         raw = json.loads(text)
     except ValueError:
@@ -38,13 +39,16 @@ def _node(entry: Any) -> Node | None:
         where = entry["position"]
         name = str(entry.get("name") or entry["id"])
         yaw = float(where.get("yaw", 0.0))
-        return Node(str(entry["id"]), name, str(entry.get("type", "")), float(where["x"]), float(where["y"]), yaw)
+        x, y = float(where["x"]), float(where["y"])
+        if not math.isfinite(x + y + yaw):
+            return None  # JSON of some servers has NaN
+        return Node(str(entry["id"]), name, str(entry.get("type", "")), x, y, yaw)
     except (KeyError, TypeError, ValueError, AttributeError):
         return None
 
 
 def find(wanted: str, nodes: list[Node]) -> list[Node]:
-    """The nodes that `wanted` can mean: one when it is clear, several when it is not, none when unknown."""
+    """The nodes that `wanted` can mean: one when its meaning is clear, several to choose from, none for an unknown name."""
     wanted = _ARTICLE.sub("", wanted.strip())
     key = _key(wanted)
     exact = [n for n in nodes if key in (_key(n.name), _key(n.id))]
@@ -73,7 +77,7 @@ def _words(text: str) -> list[str]:
 
 
 def _mentions(name: list[str], wanted: list[str]) -> bool:
-    """Whether `wanted` can be short for `name`: all of its words are there, and a number is never a part of one.
+    """Whether `wanted` can be short for `name`: `name` has all of its words, and either all of its numbers or none.
 
     "lab 9" is not lab 2.3.9: driving to a guess is worse than asking.
     """

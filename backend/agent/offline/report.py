@@ -1,10 +1,11 @@
-"""The sentences of the command grammar: what it is about to do, what happened, what it can do."""
+"""The sentences that the offline model says: what it will do, what happened, what people can ask for."""
 
 from __future__ import annotations
 
 import json
 import math
 import re
+from collections.abc import Sequence
 from typing import Any
 
 from backend.agent.offline.grammar import (
@@ -25,14 +26,14 @@ _SPEECH = re.compile(r"speak|say|announce|talk|tts", re.I)
 
 
 def help_text(abilities: list[str]) -> str:
-    """What can be asked for."""
+    """The answer to “what can you do?”, with one line for each of `abilities`."""
     listed = "\n".join(f"- {ability}" for ability in abilities)
     follow = "Steps can follow each other: “go to …, say …, then come back”."
     return f"I am no language model, only a small set of commands. I can:\n\n{listed}\n\n{follow}"
 
 
-def intention(actions: list[Action], asks: list[str]) -> str:
-    """One sentence on what is about to be done; `asks` names the tools that a person must allow first."""
+def intention(actions: list[Action], asks: Sequence[str]) -> str:
+    """One sentence that announces the actions; `asks` names the tools that a person must allow first."""
     if not actions:
         return "I will tell you what I can do."
     asking = any(_SPEECH.search(name) for name in asks)
@@ -94,21 +95,21 @@ def plan_entry(action: Action) -> str:
 
 
 def impossible(action: Action) -> str:
-    """For an action that no tool can do."""
+    """The sentence about an action that no tool can do."""
     if isinstance(action, GoBack):
         return "I do not know where this session started, so I cannot go back. Tell me a place instead."
     return f"I have no tool for this: {plan_entry(action)}."
 
 
 def left_out(actions: list[Action]) -> list[str]:
-    """What was not done because an earlier step failed."""
+    """The sentence about the actions that were left out because an earlier one failed; none without actions."""
     if not actions:
         return []
     return ["So I left out the rest: " + "; ".join(plan_entry(a).rstrip(".") for a in actions) + "."]
 
 
 def outcome(action: Action, result: str, failed: bool) -> str:
-    """What came of an action, in words for people."""
+    """The sentence about an action whose tool call has ended with `result`."""
     if failed:
         return _failure(action, reason(result))
     data = _data(result)
@@ -137,13 +138,13 @@ def outcome(action: Action, result: str, failed: bool) -> str:
 
 
 def chosen(result: str) -> str | None:
-    """What a person chose; None when nobody did."""
+    """The option that a person chose, from the result of the tool that asks; None when nobody chose."""
     answer = _data(result).get("answer")
     return answer if isinstance(answer, str) else None
 
 
 def reason(result: str) -> str:
-    """An error as a sentence: without the prefix and the code that are for programs."""
+    """An error as a sentence, without the prefix and the code that programs read."""
     return re.sub(r"^Error: (?:[a-z_]+: )?", "", result)
 
 

@@ -1,7 +1,7 @@
-"""The simplest sentences in Spanish as the same in English, which the grammar understands.
+"""Translates the simplest sentences from Spanish to English, which the grammar understands.
 
-It translates whole sentences of one step and nothing else: what has no form here stays as it is, and the grammar does
-nothing about it. The page suggests such sentences to whoever reads it in Spanish; the answers are English.
+It translates whole sentences with one action. It returns any other text unchanged, and the grammar understands none of
+it. The page in Spanish suggests such sentences; the answers are English.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _FORMS = [
 
 
 def in_english(text: str) -> str:
-    """The sentence in English; as it is where it has no form here."""
+    """The sentence in English, or `text` itself where no form fits."""
     bare = re.sub(r"^\s*(?:por\s+favor\b[\s,]*)?[¿¡\s]*|[\s,]*(?:por\s+favor)?[\s?!.]*$", "", text, flags=re.I)
     for form, english in _FORMS:
         if found := re.fullmatch(form, bare, re.I):

@@ -1,4 +1,4 @@
-"""Which tool of an unknown robot does what: judged by the names and parameters in the tool list, as a model would."""
+"""Finds the tool of an unknown robot for an action, by the names and parameters in the tool list."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 
 class Toolbox:
-    """The tool list that came with the messages."""
+    """The tools of one inference. Each method returns a call, as name and arguments, or None when no tool fits."""
 
     def __init__(self, tools: list[dict[str, Any]]) -> None:
         self._functions = [tool["function"] for tool in tools]
@@ -17,14 +17,14 @@ class Toolbox:
         return any(f["name"] == name for f in self._functions)
 
     def drive_to_place(self, name: str, x: float, y: float, yaw: float) -> tuple[str, dict[str, Any]] | None:
-        """A call that drives to a named place, by its name or else by its coordinates."""
+        """A call that drives to a named place: by its name where a tool takes one, else by its coordinates, in m and rad."""
         for function in self._named(r"navigate|go_?to|drive|move_?to|visit"):
             if parameter := self._parameter(function, "string"):
                 return function["name"], {parameter: name}
         return self.drive_to_point(x, y, yaw)
 
     def drive_to_point(self, x: float, y: float, yaw: float | None) -> tuple[str, dict[str, Any]] | None:
-        """A call that drives to a point in the map frame."""
+        """A call that drives to a point in the map frame, in m and rad."""
         for function in self._named(r"navigate|go_?to|drive|move"):
             known = function["parameters"].get("properties", {})
             if {"x", "y"} <= known.keys():
@@ -33,7 +33,7 @@ class Toolbox:
         return None
 
     def turn(self, degrees: float) -> tuple[str, dict[str, Any]] | None:
-        """A call that turns on the spot."""
+        """A call that turns on the spot, left positive."""
         return self._with(r"rotate|turn|spin", "number", degrees)
 
     def say(self, text: str) -> tuple[str, dict[str, Any]] | None:
@@ -49,11 +49,11 @@ class Toolbox:
         return self._without(r"topolog|(?:get|list|read)_?(?:map|places|rooms)")
 
     def pose(self) -> tuple[str, dict[str, Any]] | None:
-        """A call that tells the robot's pose."""
+        """A call that reports the robot's pose."""
         return self._without(r"pose|position|where|localization")
 
     def status(self) -> tuple[str, dict[str, Any]] | None:
-        """A call that tells the battery's charge."""
+        """A call that reports the battery's charge."""
         return self._without(r"battery|status|state")
 
     def abilities(self) -> list[str]:

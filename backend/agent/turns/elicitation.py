@@ -1,7 +1,8 @@
-"""A question to a person with a few answers to choose from, as ACP's form elicitation.
+"""Asks a person a question with a few options, as ACP's form elicitation.
 
-For what is ambiguous, never for permission: an answer here allows nothing. But it can tell where the robot drives, so
-only whoever asked for the turn and those who may approve are asked, never somebody who only watches.
+The question settles what is ambiguous. It must never stand for a permission: the answer allows no tool call. But the
+answer can decide where the robot drives, so the question goes to the person who asked for the turn or to one who may
+approve, never to one who only watches.
 """
 
 from __future__ import annotations
@@ -17,15 +18,16 @@ _FIELD = "answer"
 
 
 class NoAnswerError(Exception):
-    """Nobody chose; the text tells the model what to do instead."""
+    """Nobody chose an option; the text says to the model what to do instead."""
 
 
 async def choose(
     session: Session, first: Listener | None, question: str, options: list[str], timeout_s: float
 ) -> tuple[str, str]:
-    """The option that a person chose, and who that is: whoever asked for the turn, `first`, else one who may approve.
+    """Ask one person; return the chosen option and the person's name.
 
-    Raises `NoAnswerError`. Cancelling it withdraws the question.
+    The person is `first`, who asked for the turn, or else one who may approve. Raises `NoAnswerError`. Cancelling this
+    withdraws the question.
     """
     able = [listener for listener in session.watching if listener.takes_forms and _may_choose(listener, first)]
     if not able:
@@ -39,7 +41,7 @@ async def choose(
             result = await person.request("elicitation/create", params)
     except (TimeoutError, RequestError, ConnectionError):
         raise NoAnswerError("Nobody answered. Do not guess.") from None
-    # What somebody may do can have changed since the question was put.
+    # The person's rights can have changed since the question was asked.
     if person in session.watching and _may_choose(person, first):
         for option in options:
             if _chosen(result) == option:

@@ -1,7 +1,7 @@
-"""One inference: chat messages in, a stream of text, thinking and tool calls out. All models are behind litellm.
+"""The models of providers, through litellm. This is the only file that imports litellm.
 
-litellm takes seconds to import, so it is loaded on a thread when the agent starts, and this is the only file that
-imports it. Errors that a person can mend become `ModelError`, with what to do.
+litellm takes seconds to import, so `model` imports this file in a thread, when a model first needs it. Errors that a
+person can mend become `ModelError` with advice; the texts of exceptions must never reach people.
 """
 
 from __future__ import annotations
@@ -11,65 +11,35 @@ import logging
 import os
 from collections.abc import AsyncIterator
 from dataclasses import dataclass, field
-from functools import cache
-from typing import Any, Literal
+from typing import Any
 
 import orjson
 
 from backend.agent.sessions.history import PHOTO_NOTE, Message
+from backend.agent.turns.model import (
+    Call,
+    Cut,
+    CutReason,
+    ModelError,
+    Part,
+    Situation,
+    Text,
+    Thinking,
+    ToolSchema,
+    Usage,
+)
+
+# litellm reads this while it is imported; without it, it fetches a price list over the network.
+os.environ.setdefault("LITELLM_LOCAL_MODEL_COST_MAP", "True")
+import litellm
+
+litellm.telemetry = False
+litellm.suppress_debug_info = True
+logging.getLogger("LiteLLM").setLevel(logging.WARNING)
 
 log = logging.getLogger(__name__)
 
-OFFLINE_MODEL = "offline/commands"
-
-
-class ModelError(Exception):
-    """The model cannot be used; the text says why and what a person can do."""
-
-
-@dataclass(frozen=True)
-class Text:
-    """Words for people."""
-
-    text: str
-
-
-@dataclass(frozen=True)
-class Thinking:
-    """Words of the model to itself, where it shows them."""
-
-    text: str
-
-
-@dataclass(frozen=True)
-class Call:
-    """A tool that the model wants to run. `arguments` is None when they were no JSON object."""
-
-    name: str
-    arguments: dict[str, Any] | None
-
-
-@dataclass(frozen=True)
-class Usage:
-    """Tokens of the context that are used, and how many there can be."""
-
-    used: int
-    size: int
-
-
-CutReason = Literal["max_tokens", "refusal"]
-"""Why a model ended before its answer did, in ACP's words."""
 _CUTS: dict[str, CutReason] = {"length": "max_tokens", "content_filter": "refusal"}
-
-
-@dataclass(frozen=True)
-class Cut:
-    """The answer is not whole: it got too long, or its provider withheld it."""
-
-    reason: CutReason
-
-
-Part = Text | Thinking | Call | Usage | Cut
 
 
 @dataclass
@@ -79,44 +49,14 @@ class _PartialCall:
     arguments: list[str] = field(default_factory=list)
 
 
-@cache
-def _litellm() -> Any:
-    # Without this it fetches a price list over the network at import.
-    os.environ.setdefault("LITELLM_LOCAL_MODEL_COST_MAP", "True")
-    import litellm
-
-    from backend.agent.offline.provider import register
-
-    litellm.telemetry = False
-    litellm.suppress_debug_info = True
-    logging.getLogger("LiteLLM").setLevel(logging.WARNING)
-    register(litellm)
-    return litellm
-
-
-async def ready() -> None:
-    """Return when litellm has been imported; from then on an inference starts at once."""
-    await asyncio.to_thread(_litellm)
-
-
-async def load() -> None:
-    """Load litellm and run the offline model once, off the event loop, so that the first prompt is quick."""
-    await ready()
-    tool = {
-        "type": "function",
-        "function": {"name": "look", "parameters": {"type": "object", "properties": {}}},
-    }
-    async for _ in stream(OFFLINE_MODEL, [{"role": "user", "content": "battery"}], [tool]):
-        pass
-
-
-async def stream(model: str, messages: list[Message], tools: list[dict[str, Any]]) -> AsyncIterator[Part]:
-    """Run one inference. Tool calls come at the end, whole. Raises `ModelError`."""
-    litellm = await asyncio.to_thread(_litellm)
+async def stream(
+    model: str, messages: list[Message], tools: list[ToolSchema], situation: Situation
+) -> AsyncIterator[Part]:
+    """Run one inference, as `model.Provider` says. The system message holds the situation. Raises `ModelError`."""
     calls: list[_PartialCall] = []
     current: dict[int, _PartialCall] = {}
     try:
-        if not _sees(litellm, model):
+        if not _sees(model):
             messages = _without_pictures(messages)
         response = await litellm.acompletion(
             model=model,
@@ -127,7 +67,7 @@ async def stream(model: str, messages: list[Message], tools: list[dict[str, Any]
         )
         async for chunk in response:
             if usage := getattr(chunk, "usage", None):
-                yield Usage(int(usage.total_tokens), _context_size(litellm, model))
+                yield Usage(int(usage.total_tokens), _context_size(model))
             if not chunk.choices:
                 continue
             if cut := _CUTS.get(chunk.choices[0].finish_reason or ""):
@@ -151,7 +91,7 @@ async def stream(model: str, messages: list[Message], tools: list[dict[str, Any]
         raise
     except Exception as error:  # litellm raises what its providers raise; all of it is about the model
         log.info("model %s failed: %s", model, type(error).__name__, exc_info=log.isEnabledFor(logging.DEBUG))
-        raise _explained(litellm, model, error) from error
+        raise _explained(model, error) from error
     for call in calls:
         yield Call(call.name, _arguments("".join(call.arguments)))
 
@@ -164,11 +104,11 @@ def _arguments(text: str) -> dict[str, Any] | None:
     return parsed if isinstance(parsed, dict) else None
 
 
-def _sees(litellm: Any, model: str) -> bool:
+def _sees(model: str) -> bool:
     return bool(litellm.supports_vision(model=model))
 
 
-def _context_size(litellm: Any, model: str) -> int:
+def _context_size(model: str) -> int:
     try:
         return int(litellm.get_model_info(model)["max_input_tokens"] or 0)
     except Exception:
@@ -176,7 +116,7 @@ def _context_size(litellm: Any, model: str) -> int:
 
 
 def _without_pictures(messages: list[Message]) -> list[Message]:
-    """What a model that cannot see gets: the photos left out, a person's pictures named."""
+    """The messages for a model that cannot see: without photos, and with a note for each picture of a person."""
     kept: list[Message] = []
     for message in messages:
         content = message.get("content")
@@ -190,8 +130,8 @@ def _without_pictures(messages: list[Message]) -> list[Message]:
     return kept
 
 
-def _explained(litellm: Any, model: str, error: Exception) -> ModelError:
-    """The sentence for people. Texts of exceptions stay in the log: they can hold keys and addresses."""
+def _explained(model: str, error: Exception) -> ModelError:
+    """The error as a sentence for people. The exception's own text stays in the log: it can hold keys and addresses."""
     missing = [k for k in litellm.validate_environment(model).get("missing_keys") or [] if "KEY" in k or "TOKEN" in k]
     name = type(error).__name__
     if missing:

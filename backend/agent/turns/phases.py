@@ -1,6 +1,7 @@
-"""What a turn spends its time on, in the phases of the paper's latency table: the turn tells what begins and ends.
+"""Measures the time of a turn by phase, in the phases of the paper's latency table.
 
-Every moment counts for one phase, so that the phases add up to the turn. Only measures: no decision may hang on it.
+The turn marks where a phase begins and ends. Every moment counts for one phase, so the phases add up to the turn. No
+decision may depend on these figures.
 """
 
 from __future__ import annotations
@@ -15,22 +16,22 @@ from backend.agent.control.policy import ToolTraits, moves, speaks
 Phase = Literal["thought", "inference", "navigation", "speech", "tools", "person", "waiting"]
 
 PHASES: tuple[Phase, ...] = ("thought", "inference", "navigation", "speech", "tools", "person", "waiting")
-"""The order is a rule, too: of two that go on side by side the first one counts. So the first inference, which runs
-beside the preliminary thought, counts from the moment when the thought is out: until then it costs nobody any time."""
+"""In the order of precedence: while two phases run side by side, the time counts for the one that comes first here. So
+the first inference, which runs beside the preliminary thought, counts only from the end of the thought."""
 
 REST = "protocols"
-"""All that is none of the phases: frames, the log, connecting to servers."""
+"""The name for the rest of the time: frames, the log, connecting to servers."""
 
 
 def phase_of(tool: ToolTraits, looks: bool) -> Phase:
-    """What a call of the tool counts as; one that only looks, as a mere preview of a path does, drives nowhere."""
+    """The phase that a call of the tool counts for. `looks`: the call only reads, or only previews a path."""
     if looks:
         return "tools"
     return "navigation" if moves(tool) else "speech" if speaks(tool) else "tools"
 
 
 class Phases:
-    """The stop-watch of one turn; it runs from the moment it is made. `clock` gives seconds."""
+    """The stopwatch of one turn. It runs from its construction; `clock` returns seconds."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock

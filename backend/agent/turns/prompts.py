@@ -1,6 +1,7 @@
-"""The texts that the model is given: who it is, where the session began, what the mode lets it do.
+"""The words that a language model reads: the system message, and the schemas of the agent's own two tools.
 
-Facts come from the session and the policy; nothing here decides anything.
+The facts in them come from the session and the policy; nothing here decides anything, and no program reads these words
+back: a program reads `model.Situation`.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from backend.agent.sessions.history import PLAN_TOOL
+from backend.agent.turns.model import Situation
 
 _ROLE = """You are {robot}, a mobile robot among people. You act only through your tools, one step at a time, and you \
 report what really happened. Look places up with the map before you drive to one. If a person refuses an action, \
@@ -61,26 +63,19 @@ ASK_TOOL_SCHEMA: dict[str, Any] = {
 }
 
 
-def system(
-    robot: str,
-    mode: str,
-    mode_text: str,
-    asks: list[str],
-    denied: list[str],
-    start_pose: dict[str, Any] | None,
-) -> str:
-    """The system message of a turn. `asks` and `denied` are names of tools."""
-    lines = [_ROLE.format(robot=robot, plan=PLAN_TOOL), f"Mode: {mode}. {mode_text}"]
-    if asks:
-        lines.append(f"Tools that ask a person first: {', '.join(asks)}.")
-    if denied:
-        lines.append(f"Tools that are not available in this mode: {', '.join(denied)}.")
-    if start_pose:
-        where = ", ".join(f"{key}={start_pose[key]}" for key in ("x", "y", "yaw") if key in start_pose)
-        lines.append(f"This session started with the robot at {where} (m, m, rad; map frame).")
+def system(situation: Situation) -> str:
+    """The system message of a turn."""
+    lines = [_ROLE.format(robot=situation.robot, plan=PLAN_TOOL), f"Mode: {situation.mode}. {situation.mode_text}"]
+    if situation.asks:
+        lines.append(f"Tools that ask a person first: {', '.join(situation.asks)}.")
+    if situation.denied:
+        lines.append(f"Tools that are not available in this mode: {', '.join(situation.denied)}.")
+    if start := situation.start:
+        yaw = "" if start.yaw is None else f", yaw={start.yaw}"
+        lines.append(f"This session started with the robot at x={start.x}, y={start.y}{yaw} (m, m, rad; map frame).")
     return "\n".join(lines)
 
 
-def thought(system_text: str) -> str:
+def thought(situation: Situation) -> str:
     """The system message for the preliminary thought."""
-    return f"{system_text}\n{_THOUGHT}"
+    return f"{system(situation)}\n{_THOUGHT}"

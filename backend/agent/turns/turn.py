@@ -140,12 +140,12 @@ class Turn:
         tools = await self.environment.tools.tools()
         if command is None:  # a command is the robot's own business
             tools = await self.session.offered.beside(tools)
-        # Just after the start this takes seconds, which are not the thought's.
+        # The first use of litellm takes seconds, which are not the thought's.
         with self._phases.during("inference"):
-            await model.ready()
-        system = self._system(tools)
+            await model.ready(self._inferences.model_name)
+        situation = self._situation(tools)
         wants_thought = self.session.row.thought and command is None
-        thinking = asyncio.create_task(self._think(system, wants_thought), name="preliminary thought")
+        thinking = asyncio.create_task(self._think(situation, wants_thought), name="preliminary thought")
         try:
             reason = await self._loop(tools, thinking)
             # At the end: it must not stand between a question and its answer, where a model would take it for its own.
@@ -159,8 +159,8 @@ class Turn:
     async def _loop(self, tools: dict[str, Tool], thinking: asyncio.Task[None]) -> str:
         schemas = [tool.schema for tool in tools.values()] + [prompts.PLAN_TOOL_SCHEMA, prompts.ASK_TOOL_SCHEMA]
         for _ in range(self.environment.max_steps):
-            # The system message is made anew: the mode may have changed in mid-turn.
-            calls, cut = await self._inferences.step(self._system(tools), schemas, thinking)
+            # The situation is read anew for each step: the mode may have changed in mid-turn.
+            calls, cut = await self._inferences.step(self._situation(tools), schemas, thinking)
             if cut is not None:
                 # Nothing of an answer that is not whole is done: the rest could have changed its sense.
                 self.session.record(updates.message(_CUT[cut]))
@@ -180,10 +180,10 @@ class Turn:
             )
         return self.stopped
 
-    async def _think(self, system: str, wanted: bool) -> None:
+    async def _think(self, situation: model.Situation, wanted: bool) -> None:
         """The preliminary thought, and the session's name."""
         if wanted:
-            await self._inferences.think(system)
+            await self._inferences.think(situation)
         if self._named:  # only now, so that the thought is the first thing that people see of the turn
             self.session.record(updates.title(self._named))
 
@@ -381,7 +381,7 @@ class Turn:
             self.session.record(shown)
         return shown is not None
 
-    def _system(self, tools: dict[str, Tool]) -> str:
+    def _situation(self, tools: dict[str, Tool]) -> model.Situation:
         row = self.session.row
         mode = next(m for m in MODES if m.id == row.mode)
         judged = {
@@ -389,13 +389,13 @@ class Turn:
             for name, tool in tools.items()
             if not self.environment.policy.previews(row.mode, tool.traits)
         }
-        return prompts.system(
-            self.environment.robot_name,
-            mode.name,
-            mode.description,
-            [name for name, decision in judged.items() if decision == "ask"],
-            [name for name, decision in judged.items() if decision == "deny"],
-            row.start_pose,
+        return model.Situation(
+            robot=self.environment.robot_name,
+            mode=mode.name,
+            mode_text=mode.description,
+            asks=tuple(name for name, decision in judged.items() if decision == "ask"),
+            denied=tuple(name for name, decision in judged.items() if decision == "deny"),
+            start=model.StartPose.of(row.start_pose),
         )
 
     def _name_session(self) -> str | None:

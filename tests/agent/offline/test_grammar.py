@@ -100,6 +100,8 @@ def test_understands(text: str, actions: list[object]) -> None:
         "no vayas a la cocina",
         "¿Dónde está la cocina?",
         "salude y vuelva",
+        f"go to {'9' * 400} 1",
+        f"turn left by {'9' * 400} degrees",
     ],
 )
 def test_does_nothing_about_what_it_does_not_understand_in_whole(text: str) -> None:

@@ -192,13 +192,7 @@ def at(speed: float) -> State:
     return State(0.0, "Sancho", pose, Twist(0.0, speed), battery, None, None, None)
 
 
-async def test_the_robot_is_given_on_at_rest_when_a_turn_fails_in_mid_motion(
-    session: Session, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    async def at_once() -> None:
-        pass
-
-    monkeypatch.setattr(model, "ready", at_once)
+async def test_the_robot_is_given_on_at_rest_when_a_turn_fails_in_mid_motion(session: Session) -> None:
     link, lease, tools = RobotClient(None, None), Lease(), Robot("http://127.0.0.1:1/mcp", absent="")
     await link._set(at(0.5))
     environment = TurnEnvironment(

@@ -1,4 +1,4 @@
-"""What providers stream, as litellm hands it on: calls are put together by id, and no odd delta ends the turn."""
+"""The parts that are made of litellm's stream: calls are put together by id, and no odd delta ends the turn."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from backend.agent.turns import model
+from backend.agent.turns import litellm_models, model
 
 
 def delta(index: int | None, call_id: str | None, name: str | None, arguments: str | None) -> Any:
@@ -21,8 +21,6 @@ def delta(index: int | None, call_id: str | None, name: str | None, arguments: s
 
 
 async def calls_of(monkeypatch: pytest.MonkeyPatch, *deltas: Any) -> list[model.Part]:
-    real = model._litellm()
-
     async def stream() -> AsyncIterator[Any]:
         for chunk in deltas:
             yield chunk
@@ -30,8 +28,9 @@ async def calls_of(monkeypatch: pytest.MonkeyPatch, *deltas: Any) -> list[model.
     async def acompletion(**_options: Any) -> Any:
         return stream()
 
-    monkeypatch.setattr(real, "acompletion", acompletion)
-    return [part async for part in model.stream("offline/commands", [{"role": "user", "content": "x"}], [])]
+    monkeypatch.setattr(litellm_models.litellm, "acompletion", acompletion)
+    situation = model.Situation("Sancho", "Supervised", "Drives without asking.")
+    return [part async for part in model.stream("openai/m", [{"role": "user", "content": "x"}], [], situation)]
 
 
 async def test_two_whole_calls_with_one_index_are_two(monkeypatch: pytest.MonkeyPatch) -> None:
