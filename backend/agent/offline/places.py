@@ -48,7 +48,7 @@ def _node(entry: Any) -> Node | None:
 
 
 def find(wanted: str, nodes: list[Node]) -> list[Node]:
-    """The nodes that `wanted` can mean: one when its meaning is clear, several to choose from, none for an unknown name."""
+    """The nodes that `wanted` can mean: one when its meaning is clear, several to choose from, or none."""
     wanted = _ARTICLE.sub("", wanted.strip())
     key = _key(wanted)
     exact = [n for n in nodes if key in (_key(n.name), _key(n.id))]

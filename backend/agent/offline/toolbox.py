@@ -17,7 +17,7 @@ class Toolbox:
         return any(f["name"] == name for f in self._functions)
 
     def drive_to_place(self, name: str, x: float, y: float, yaw: float) -> tuple[str, dict[str, Any]] | None:
-        """A call that drives to a named place: by its name where a tool takes one, else by its coordinates, in m and rad."""
+        """A call that drives to a named place, by its name where a tool takes one, else by its coordinates."""
         for function in self._named(r"navigate|go_?to|drive|move_?to|visit"):
             if parameter := self._parameter(function, "string"):
                 return function["name"], {parameter: name}
