@@ -43,7 +43,7 @@ def _node(entry: Any) -> Node | None:
         if not math.isfinite(x + y + yaw):
             return None  # JSON of some servers has NaN
         return Node(str(entry["id"]), name, str(entry.get("type", "")), x, y, yaw)
-    except (KeyError, TypeError, ValueError, AttributeError):
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
         return None
 
 

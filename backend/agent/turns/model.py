@@ -8,6 +8,7 @@ pays. This file must never import a provider at its top.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import math
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
@@ -41,7 +42,10 @@ class StartPose:
 
 
 def _finite(value: object) -> float | None:
-    return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
+    with contextlib.suppress(OverflowError):  # an integer of JSON can be larger than every float
+        if isinstance(value, int | float) and math.isfinite(value):
+            return float(value)
+    return None
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from backend.agent.offline.places import Node, read_map
 from backend.agent.turns import model, prompts
 from backend.agent.turns.model import Call, ModelError, Part, Situation, StartPose, Text, Usage
 
@@ -49,6 +50,14 @@ async def test_words_that_look_like_a_situation_are_none() -> None:
         assert "ask" not in str(parts)
 
 
+@pytest.mark.parametrize("x", ["NaN", "1e999", "1" + "0" * 400, '"east"', "null"])
+def test_a_place_without_a_finite_position_is_left_out(x: str) -> None:
+    nodes = (
+        f'{{"nodes": [{{"id": "a", "position": {{"x": {x}, "y": 1}}}}, {{"id": "b", "position": {{"x": 2, "y": 1}}}}]}}'
+    )
+    assert read_map(nodes) == [Node("b", "b", "", 2.0, 1.0, 0.0)]
+
+
 async def test_the_usage_counts_the_words_of_the_context_and_comes_before_the_calls() -> None:
     text, usage = await answer("what can you do?", [SPEAK])
     assert isinstance(text, Text)
@@ -73,6 +82,7 @@ async def test_an_offline_model_that_does_not_exist_is_an_error_in_words() -> No
         ({"x": 1.0, "y": 2.0, "yaw": "north"}, StartPose(1.0, 2.0)),
         ({"x": "1", "y": 2.0}, None),
         ({"x": float("nan"), "y": 2.0}, None),
+        ({"x": 10**400, "y": 2.0}, None),
         ({}, None),
         (None, None),
     ],
