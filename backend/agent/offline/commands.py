@@ -181,7 +181,7 @@ class _Turn:
                 return book.drive_to_point(x, y, yaw)
             case GoBack():
                 start = self._start
-                return start and book.drive_to_point(start.x, start.y, start.yaw)
+                return book.drive_to_point(start.x, start.y, start.yaw) if start else None
             case Say(text):
                 return book.say(text)
             case Turn(degrees):

@@ -67,12 +67,14 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
         yield robot
 
 
+THE_PROVIDERS = {"ROBOT_ACP_AGENT__MODEL": "openai/m"}
+
+
 @contextlib.asynccontextmanager
-async def client_of(robot: Robot, provider: Provider) -> AsyncIterator[Client]:
-    """A client of an agent whose model is the provider's; the first thought, which asks it too, is off."""
+async def client_of(robot: Robot, provider: Provider, models: dict[str, str] = THE_PROVIDERS) -> AsyncIterator[Client]:
+    """A client of an agent with these models; the first thought, which asks the model too, is off."""
     address = f"http://127.0.0.1:{provider.port}/v1"
-    variables = {"ROBOT_ACP_AGENT__MODEL": "openai/m", "OPENAI_API_KEY": "none", "OPENAI_API_BASE": address}
-    agent = robot.with_another_agent(variables)
+    agent = robot.with_another_agent({"OPENAI_API_KEY": "none", "OPENAI_API_BASE": address, **models})
     with agent.running("agent", port=agent.agent_port):
         client = await Client.open(f"tcp://127.0.0.1:{agent.agent_port}")
         session = await client.new()
@@ -111,5 +113,18 @@ async def test_a_provider_that_fails_is_told_in_words_and_the_next_prompt_works(
     async with provider.running(), client_of(robot, provider) as client:
         assert await client.prompt("are you there?") == "end_turn"
         assert "The model openai/m refused the key." in client.said
+        assert await client.prompt("are you there?") == "end_turn"
+        assert client.said.endswith("Here.")
+
+
+async def test_a_model_that_is_chosen_in_the_session_answers_its_first_prompt(robot: Robot) -> None:
+    provider = Provider([[text("Here."), end("stop")]])
+    offered = {"ROBOT_ACP_AGENT__MODELS": '["openai/m"]'}
+    async with provider.running(), client_of(robot, provider, offered) as client:
+        assert await client.prompt("where are you?") == "end_turn"
+        assert "I am at x" in client.said
+        assert provider.asked == []
+        chosen = {"sessionId": client.session, "configId": "model", "value": "openai/m"}
+        await client.link.request("session/set_config_option", chosen)
         assert await client.prompt("are you there?") == "end_turn"
         assert client.said.endswith("Here.")
