@@ -14,10 +14,12 @@ import signal
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from multiprocessing import forkserver
 from multiprocessing.reduction import DupFd
 from typing import IO, Any
 
+_reader = ThreadPoolExecutor(thread_name_prefix="reader of a process")
 _context = multiprocessing.get_context("forkserver")
 
 
@@ -86,6 +88,15 @@ class Forked:
         if self._process.exitcode is None:
             raise subprocess.TimeoutExpired(self.args, timeout or 0.0)
         return self._process.exitcode
+
+    def communicate(self, timeout: float | None = None) -> tuple[str | None, str | None]:
+        """Close its input and read its outputs to their ends, then wait for its own."""
+        if self.stdin:
+            self.stdin.close()
+        outputs = [stream and _reader.submit(stream.read) for stream in (self.stdout, self.stderr)]
+        self.wait(timeout)
+        said, complained = (output and output.result(timeout) for output in outputs)
+        return said, complained
 
     def send_signal(self, number: int) -> None:
         if self.poll() is None:
