@@ -90,6 +90,8 @@ class Robot:
 
     def spawn(self, *arguments: str, **streams: Any) -> Process:
         """A command in a process of its own, forked: `tests.forked` says what that saves."""
+        if any("ros2" in argument for argument in arguments):
+            return self.start(*arguments, **streams)  # ROS finds its libraries by what a process begins with
         return Forked(arguments, self.variables, **streams)
 
     def start(self, *arguments: str, **streams: Any) -> subprocess.Popen[str]:
