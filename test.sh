@@ -1,41 +1,49 @@
 #!/bin/sh
-# Installs what the tests need, then checks format, lint and types, and runs all tests of backend/ and web/.
-# Its arguments go to pytest.
+# Checks and tests all of backend/ and web/. On two cores with nothing else running:
+#   ./test.sh --quick   after every change: format, lint, types, and the tests that start no process (at most 4 minutes)
+#   ./test.sh           before a change lands, and what CI runs: all tests (at most 15 minutes)
+#   ./test.sh --deep    every generated case with fresh seeds, coverage, and a soak (more than an hour)
+# Further arguments go to pytest. The first call installs what is missing.
 set -eu
 cd "$(dirname "$0")"
 . scripts/prepare.sh
+
+depth=usual
+case "${1:-}" in
+  --quick | --deep) depth=${1#--}; shift ;;
+esac
+
 prepare_python requirements-dev.lock
 prepare_web
 prepare_node_modules
 find_node
+prepare_programs # a browser and a voice
 
-find_chromium() {
-  for name in chromium chromium-browser google-chrome-stable google-chrome; do
-    if command -v "$name" >/dev/null 2>&1; then
-      command -v "$name"
-      return
-    fi
-  done
-}
-CHROMIUM=$(find_chromium)
-if [ -z "$CHROMIUM" ] && [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null 2>&1; then
-  printf 'Installing Chromium …\n'
-  { apt-get update -q && apt-get install -q -y --no-install-recommends chromium fonts-dejavu-core; } >/dev/null 2>&1 || true
-  CHROMIUM=$(find_chromium)
-fi
-if [ -z "$CHROMIUM" ]; then
-  .venv/bin/python -m playwright install chromium # does nothing when it is there
-fi
-export ROBOT_ACP_TEST_CHROMIUM="$CHROMIUM"
-
-printf '\nFormat, lint and types\n'
-.venv/bin/ruff format --check .
-.venv/bin/ruff check .
-.venv/bin/mypy
-(cd web && npm run --silent format:check && npm run --silent lint && npm run --silent typecheck)
-
-printf '\nTests of web/\n'
-(cd web && npm run --silent test)
+# Both halves of the checks at once, each on a core; neither says anything before both have ended.
+said=$(mktemp -d)
+trap 'rm -rf "$said"' EXIT
+check_backend() { .venv/bin/ruff format --check . && .venv/bin/ruff check . && .venv/bin/mypy; }
+check_web() { (cd web && npm run --silent format:check && npm run --silent lint && npm run --silent typecheck && npm run --silent test); }
+printf '\nFormat, lint, types, and the tests of web/\n'
+failed=0
+check_web >"$said/web" 2>&1 & web=$!
+check_backend >"$said/backend" 2>&1 || failed=1
+wait "$web" || failed=1
+cat "$said/backend" "$said/web"
+[ "$failed" = 0 ] || fail "The lines above say what has to be mended first."
 
 printf '\nTests of backend/\n'
-.venv/bin/python -m pytest "$@"
+workers="-n 2 --dist loadfile"
+case $depth in
+  # shellcheck disable=SC2086
+  quick) exec .venv/bin/python -m pytest $workers -m "not processes" "$@" ;;
+  # shellcheck disable=SC2086
+  usual) exec .venv/bin/python -m pytest $workers "$@" ;;
+esac
+
+export ROBOT_ACP_TEST_DEEP=1
+# shellcheck disable=SC2086
+.venv/bin/python -m pytest $workers --cov --cov-report=term:skip-covered "$@"
+(cd web && npm run --silent coverage)
+printf '\nSoak\n'
+.venv/bin/python bench/endurance.py --minutes 20

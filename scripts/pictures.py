@@ -15,8 +15,6 @@ import asyncio
 import fnmatch
 import io
 import itertools
-import os
-import shutil
 import sys
 import tempfile
 from collections.abc import AsyncIterator, Awaitable, Callable
@@ -25,15 +23,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from PIL import Image
-from playwright.async_api import Browser, Page, async_playwright, expect
+from playwright.async_api import Browser, Page, expect
 
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT))
 
 from backend.identity import Role  # noqa: E402
+from tests.browsers import running_chromium  # noqa: E402
 from tests.end_to_end import screens  # noqa: E402
 from tests.end_to_end.accessible import PHONE, TABLET, WIDE  # noqa: E402
-from tests.end_to_end.conftest import CHROMIUM_FLAGS  # noqa: E402
 from tests.end_to_end.stage import Stage  # noqa: E402
 from tests.processes import Client  # noqa: E402
 
@@ -394,11 +392,8 @@ async def main() -> None:
         camera = Camera(folder, patterns)
         data = Path(spare) / "data"
         with Stage(data, ROBOT_ACP_LOG_LEVEL="error") as stage:
-            async with async_playwright() as playwright:
-                chromium = os.environ.get("ROBOT_ACP_TEST_CHROMIUM") or shutil.which("chromium")
-                browser = await playwright.chromium.launch(executable_path=chromium, args=CHROMIUM_FLAGS)
+            async with running_chromium() as browser:
                 await take_all(stage, browser, camera)
-                await browser.close()
         if told.docs:
             for name, picture in DOCS.items():
                 if folder / f"{picture}.png" in camera.made:

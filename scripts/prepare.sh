@@ -66,3 +66,25 @@ prepare_web() {
   (cd web && npm run --silent build) || fail "The web app could not be built; the lines above say why."
   : >"$web_stamp"
 }
+
+# The programs that tests use: a Chromium without a window, and espeak-ng, with which the robot speaks.
+prepare_programs() {
+  missing=
+  has_chromium || missing="chromium-headless-shell fonts-dejavu-core"
+  command -v espeak-ng >/dev/null 2>&1 || missing="$missing espeak-ng"
+  [ -n "$missing" ] || return 0
+  if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null 2>&1; then
+    printf 'Installing %s …\n' "$missing"
+    # shellcheck disable=SC2086
+    { apt-get update -q && apt-get install -q -y --no-install-recommends $missing; } >/dev/null 2>&1 || true
+  fi
+  if ! has_chromium; then
+    .venv/bin/python -m playwright install --only-shell chromium # does nothing when it is there
+  fi
+  command -v espeak-ng >/dev/null 2>&1 || printf 'There is no espeak-ng: the tests of speech run on silence.\n'
+}
+
+has_chromium() {
+  [ -n "${ROBOT_ACP_TEST_CHROMIUM:-}" ] ||
+    .venv/bin/python -c 'import sys; from tests.browsers import chromium; sys.exit(not chromium())'
+}

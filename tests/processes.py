@@ -22,6 +22,7 @@ from websockets.asyncio.client import connect
 from backend import identity, telemetry, tokens
 from backend.chat.link import Link, open_link
 from backend.identity import Role
+from tests.forked import Forked
 
 PATIENCE_S = 30.0
 """After so long a condition that is waited for has failed."""
@@ -56,6 +57,10 @@ def listens(port: int) -> bool:
         return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
+Process = subprocess.Popen[str] | Forked
+"""A command that a test started."""
+
+
 @dataclass
 class Robot:
     """The three addresses and the data folder of one robot, and the processes that were started for it."""
@@ -83,11 +88,18 @@ class Robot:
     def command(*arguments: str) -> list[str]:
         return [sys.executable, "-m", "backend.cli", *arguments]
 
-    def spawn(self, *arguments: str, **options: Any) -> subprocess.Popen[str]:
-        return subprocess.Popen(self.command(*arguments), env=self.variables, text=True, **options)
+    def spawn(self, *arguments: str, **streams: Any) -> Process:
+        """A command in a process of its own, forked: `tests.forked` says what that saves."""
+        if any("ros2" in argument for argument in arguments):
+            return self.start(*arguments, **streams)  # ROS finds its libraries by what a process begins with
+        return Forked(arguments, self.variables, **streams)
+
+    def start(self, *arguments: str, **streams: Any) -> subprocess.Popen[str]:
+        """A command as people start it, in a new Python: for tests of starting, ending and restarting."""
+        return subprocess.Popen(self.command(*arguments), env=self.variables, text=True, **streams)
 
     @contextlib.contextmanager
-    def running(self, *arguments: str, port: int) -> Iterator[subprocess.Popen[str]]:
+    def running(self, *arguments: str, port: int) -> Iterator[Process]:
         process = self.spawn(*arguments)
         try:
             wait_until(lambda: listens(port), f"`robot-acp {' '.join(arguments)}` to answer", STARTS_S)
@@ -198,7 +210,7 @@ async def eventually(condition: Callable[[], Any], what: str, seconds: float = P
     return value
 
 
-def end(process: subprocess.Popen[str], number: int = signal.SIGTERM) -> int:
+def end(process: Process, number: int = signal.SIGTERM) -> int:
     """End a process that a test started, and return its exit status; killed after the time limit, which fails."""
     if process.poll() is None:
         process.send_signal(number)
@@ -206,7 +218,7 @@ def end(process: subprocess.Popen[str], number: int = signal.SIGTERM) -> int:
         return process.wait(PATIENCE_S)
     except subprocess.TimeoutExpired:
         process.kill()
-        process.wait()
+        process.wait(PATIENCE_S)
         raise AssertionError("the process did not end") from None
 
 

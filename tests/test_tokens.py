@@ -282,7 +282,7 @@ def test_a_writer_that_died_in_the_middle_leaves_the_list_as_it_was(robot: Robot
 
 
 def test_the_login_that_up_prints_is_in_the_list(robot: Robot) -> None:
-    up = robot.spawn("up", stdout=subprocess.PIPE)
+    up = robot.start("up", stdout=subprocess.PIPE)
     try:
         assert up.stdout is not None
         token = next(line.partition("#token=")[2].strip() for line in up.stdout if "#token=" in line)

@@ -59,7 +59,7 @@ def test_a_good_message_is_told_apart_and_kept_as_it_came(raw, kind, method, req
     assert frame.body == orjson.loads(raw)
 
 
-NO_ANSWER = object()
+NO_ANSWER = Ellipsis
 _CALL = b'{"jsonrpc":"2.0","id":7,"method":"x",'
 
 # The frame, the code of the error, and the id in the answer.

@@ -10,10 +10,19 @@ from typing import Any
 import pytest
 
 from tests.databases import database, impatient, postgres  # noqa: F401 - fixtures
-from tests.processes import Client, Robot, eventually
+from tests.processes import Client, Robot, Watched, eventually
 
 TIME_SCALE = "20"
-FAR = "go to lab 2.3.9 and then come back"
+
+
+def far_place(watched: Watched) -> str:
+    """A place to which the robot drives for a while, wherever it is now."""
+    return "lab 2.3.9" if watched.distance_to(21.0, 4.0) > 8.0 else "the kitchen"
+
+
+def far(watched: Watched) -> str:
+    """A prompt to drive for a while."""
+    return f"go to {far_place(watched)} and then come back"
 
 
 @pytest.fixture(scope="module")

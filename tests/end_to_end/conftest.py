@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import signal
@@ -13,49 +14,65 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.async_api import Browser, Page, async_playwright, expect
+import pytest_asyncio
+from playwright.async_api import Browser, BrowserContext, Page, expect
 
+from backend.identity import Role
+from tests.browsers import running_chromium
 from tests.processes import STARTS_S, Robot, end, listens, wait_until
 
-CHROMIUM_FLAGS = [
-    "--no-sandbox",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--disable-background-networking",
-    "--disable-component-update",
-]
 PATIENCE_MS = 30_000
 EMPTY_MAP = "<!doctype html><html lang=en><title>map</title>"
 expect.set_options(timeout=PATIENCE_MS)
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """These tests share one browser, and with it its event loop."""
+    here = Path(__file__).parent
+    for item in items:
+        if here in item.path.parents and pytest_asyncio.is_async_test(item):
+            item.add_marker(pytest.mark.asyncio(loop_scope="session"), append=False)
+
+
 @dataclass
-class Up:
-    """A running `robot-acp up`: its process, its addresses, and what it printed."""
+class Running:
+    """A robot at work, and the token of a supervisor."""
 
     robot: Robot
-    process: subprocess.Popen[str]
-    printed: list[str] = field(default_factory=list)
-
-    @property
-    def login_url(self) -> str:
-        """The address with the token, once it has been printed."""
-        found = re.search(r"http://\S+/#token=\S+", "".join(self.printed))
-        return found[0] if found else ""
+    token: str
 
     @property
     def base(self) -> str:
         return f"http://127.0.0.1:{self.robot.bridge_port}"
 
+    @property
+    def login_url(self) -> str:
+        return f"{self.base}/#token={self.token}"
+
+
+@dataclass
+class Up(Running):
+    """A running `robot-acp up`: its process, and what it printed."""
+
+    process: subprocess.Popen[str]
+    printed: list[str] = field(default_factory=list)
+
+    @property
+    def printed_url(self) -> str:
+        """The address with the token, once it has been printed."""
+        found = re.search(r"http://\S+/#token=\S+", "".join(self.printed))
+        return found[0] if found else ""
+
 
 def start(robot: Robot, *arguments: str) -> Up:
-    process = robot.spawn("up", *arguments, stdout=subprocess.PIPE)
-    up = Up(robot, process)
+    process = robot.start("up", *arguments, stdout=subprocess.PIPE)
+    up = Up(robot, "", process)
     assert process.stdout is not None
     threading.Thread(target=lambda: up.printed.extend(process.stdout or ()), daemon=True).start()
     try:
-        wait_until(lambda: up.login_url, "the address of the dashboard", STARTS_S)
+        url = wait_until(lambda: up.printed_url, "the address of the dashboard", STARTS_S)
+        assert url.startswith(f"{up.base}/#token=")
+        up.token = url.partition("=")[2]
         # On a busy machine a ROS robot may take longer than `up` waits before it says what is missing.
         wait_until(lambda: listens(robot.robot_port), "the robot server", STARTS_S)
         wait_until(lambda: listens(robot.agent_port), "the agent", STARTS_S)
@@ -65,41 +82,51 @@ def start(robot: Robot, *arguments: str) -> Up:
     return up
 
 
+@contextlib.contextmanager
+def at_work(robot: Robot, *arguments: str) -> Iterator[Running]:
+    """The three processes of a robot, without `up`: for all that is not about starting them."""
+    with robot.at_work(*arguments):
+        yield Running(robot, robot.token("supervisor", Role.SUPERVISOR))
+
+
 @pytest.fixture(scope="module")
-def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
+def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     """The three processes at the robot's real speed."""
-    running = start(Robot(tmp_path_factory.mktemp("data")))
-    yield running
-    assert end(running.process, signal.SIGINT) == 0
+    with at_work(Robot(tmp_path_factory.mktemp("data"))) as running:
+        yield running
 
 
-@pytest.fixture
+@pytest_asyncio.fixture(loop_scope="session", scope="session")
 async def browser() -> AsyncIterator[Browser]:
-    async with async_playwright() as playwright:
-        chromium = os.environ.get("ROBOT_ACP_TEST_CHROMIUM") or None
-        browser = await playwright.chromium.launch(executable_path=chromium, args=CHROMIUM_FLAGS)
+    """One Chromium for the whole run: a launch costs more than a second of the processor."""
+    async with running_chromium() as browser:
         yield browser
-        await browser.close()
 
 
 Opener = Callable[..., Awaitable[Page]]
 
 
-@pytest.fixture
-async def open_page(browser: Browser) -> Opener:
+@pytest_asyncio.fixture(loop_scope="session")
+async def open_page(browser: Browser) -> AsyncIterator[Opener]:
     """Opens a page of its own person: every call has cookies of its own. Errors on the page fail the test."""
+    errors: list[str] = []
 
     async def opened(url: str, **options: Any) -> Page:
         context = await browser.new_context(viewport=options.pop("viewport", {"width": 1440, "height": 900}), **options)
+        opened_contexts.append(context)
         page = await context.new_page()
-        page.on("pageerror", lambda error: pytest.fail(f"an error on the page: {error}"))
+        page.on("pageerror", lambda error: errors.append(str(error)))
         await page.goto(url)
         return page
 
-    return opened
+    opened_contexts: list[BrowserContext] = []
+    yield opened
+    for context in opened_contexts:
+        await context.close()
+    assert errors == []
 
 
-@pytest.fixture
+@pytest_asyncio.fixture(loop_scope="session")
 async def open_plain(open_page: Opener) -> Opener:
     """Opens a page with an empty map: viser's page is not ours, and drawing it takes most of a small machine."""
 

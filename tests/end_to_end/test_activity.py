@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,10 +13,10 @@ from playwright.async_api import Page, expect
 
 from backend.identity import Role
 from tests.end_to_end import screens
-from tests.end_to_end.conftest import Opener, Up, start
+from tests.end_to_end.conftest import Opener, Running, at_work
 from tests.end_to_end.test_dashboard import login, ready, until
 from tests.end_to_end.test_papers_session import ask
-from tests.processes import Client, Robot, end
+from tests.processes import Client, Robot
 
 PAPERS_PROMPT = "Go to lab 2.3.7 and tell them that the meeting is at noon"
 PHASES = ("thought", "inference", "navigation", "speech", "person")
@@ -29,11 +28,10 @@ SIZES = {
 
 
 @pytest.fixture(scope="module")
-def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
+def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     """The three processes at the robot's real speed, so that a drive takes longest of all, however slow the machine."""
-    running = start(Robot(tmp_path_factory.mktemp("data")))
-    yield running
-    assert end(running.process, signal.SIGINT) == 0
+    with at_work(Robot(tmp_path_factory.mktemp("data"))) as running:
+        yield running
 
 
 async def begin(page: Page) -> None:
@@ -42,7 +40,7 @@ async def begin(page: Page) -> None:
     await screens.new_session(page)
 
 
-async def archive(up: Up, page: Page) -> list[dict[str, Any]]:
+async def archive(up: Running, page: Page) -> list[dict[str, Any]]:
     """The session's events as a second client gets them over TCP, as lines of a log."""
     client = await Client.open(f"tcp://127.0.0.1:{up.robot.agent_port}", answer=None)
     found = re.search(r"#/s/(\w+)", page.url)
@@ -69,7 +67,7 @@ async def rows(page: Page) -> list[int]:
 
 
 async def test_the_timeline_of_the_papers_prompt_is_what_the_agent_measured(
-    up: Up, open_page: Opener, pictures: Path
+    up: Running, open_page: Opener, pictures: Path
 ) -> None:
     page = await open_page(login(up, "Sue", Role.SUPERVISOR))
     await begin(page)
@@ -111,7 +109,7 @@ async def test_the_timeline_of_the_papers_prompt_is_what_the_agent_measured(
         await expect(page.get_by_test_id(f"phase-{phase}")).to_contain_text(re.compile(r"\d\.\d\d s"))
 
 
-async def test_the_log_is_the_session_and_the_file_is_the_log(up: Up, open_plain: Opener, tmp_path: Path) -> None:
+async def test_the_log_is_the_session_and_the_file_is_the_log(up: Running, open_plain: Opener, tmp_path: Path) -> None:
     page = await open_plain(login(up, "Sue", Role.SUPERVISOR))
     await begin(page)
     await page.get_by_test_id("log-tab").click()
@@ -155,7 +153,7 @@ async def test_the_log_is_the_session_and_the_file_is_the_log(up: Up, open_plain
     assert [json.loads(line) for line in (tmp_path / "log.jsonl").read_text().splitlines()] == events
 
 
-async def test_the_plots_move_with_the_robot(up: Up, open_plain: Opener) -> None:
+async def test_the_plots_move_with_the_robot(up: Running, open_plain: Opener) -> None:
     page = await open_plain(login(up, "Sue", Role.SUPERVISOR))
     await begin(page)
     plot = page.get_by_test_id("plot-speed")
@@ -175,7 +173,7 @@ async def test_the_plots_move_with_the_robot(up: Up, open_plain: Opener) -> None
     await expect(page.get_by_test_id("agent-message").last).to_contain_text("I am at lab 2.3.9", timeout=90_000)
 
 
-async def test_the_panel_is_folded_by_keyboard_and_stays_as_it_was_left(up: Up, open_plain: Opener) -> None:
+async def test_the_panel_is_folded_by_keyboard_and_stays_as_it_was_left(up: Running, open_plain: Opener) -> None:
     page = await open_plain(login(up, "Vic", Role.VIEWER))
     await ready(page)
     fold = page.get_by_test_id("activity-fold")
@@ -197,7 +195,7 @@ async def test_the_panel_is_folded_by_keyboard_and_stays_as_it_was_left(up: Up, 
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize(("scheme", "language"), [("light", "en"), ("dark", "es")])
 async def test_it_fits_every_screen(
-    up: Up, open_page: Opener, pictures: Path, size: str, scheme: str, language: str
+    up: Running, open_page: Opener, pictures: Path, size: str, scheme: str, language: str
 ) -> None:
     options = {"viewport": SIZES[size], "color_scheme": scheme, "locale": language, "has_touch": size != "wide"}
     page = await open_page(login(up, "Sue", Role.SUPERVISOR), **options)

@@ -5,7 +5,6 @@ What counts is what the robot did meanwhile, and that afterwards every screen sh
 
 from __future__ import annotations
 
-import signal
 import time
 from collections.abc import AsyncIterator, Iterator
 
@@ -13,11 +12,11 @@ import pytest
 from playwright.async_api import Page, WebSocket, expect
 
 from backend.identity import Role
-from tests.end_to_end.conftest import Opener, Up, start
+from tests.end_to_end.conftest import Opener, Running, at_work
 from tests.end_to_end.cut import Cable, cable_to
 from tests.end_to_end.test_kiosk import PHONE, answered, doing, kiosk, open_kiosk
 from tests.end_to_end.test_three_clients import Dashboard, the_log
-from tests.processes import Client, Robot, end, eventually
+from tests.processes import Client, Robot, eventually
 
 CUT_S = 30.0
 """Really so long, because that is what people were promised: shorter than `agent.unattended_after`, longer than a page
@@ -26,15 +25,14 @@ WISH = "go to lab 2.3.6, take a photo, say hello and then go to lab 2.3.2 and th
 
 
 @pytest.fixture(scope="module")
-def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
+def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     """The three processes at the robot's real speed, so that a turn lasts longer than the cut."""
-    running = start(Robot(tmp_path_factory.mktemp("data")))
-    yield running
-    assert end(running.process, signal.SIGINT) == 0
+    with at_work(Robot(tmp_path_factory.mktemp("data"))) as running:
+        yield running
 
 
 @pytest.fixture
-async def cable(up: Up) -> AsyncIterator[Cable]:
+async def cable(up: Running) -> AsyncIterator[Cable]:
     """The network of those who are cut off."""
     async with cable_to(up.robot.bridge_port) as cable:
         yield cable
@@ -56,7 +54,7 @@ class Screen(Dashboard):
         return screen
 
 
-async def dashboard(up: Up, open_page: Opener, name: str, port: int) -> Screen:
+async def dashboard(up: Running, open_page: Opener, name: str, port: int) -> Screen:
     """A supervisor's dashboard, at a port of the bridge or of a cable to it."""
     url = f"http://127.0.0.1:{port}/#token={up.robot.token(name, Role.SUPERVISOR)}"
     page = await open_page(url, viewport=PHONE)  # which draws no map before it is looked at
@@ -74,7 +72,7 @@ async def shows(screen: Screen, session: str) -> None:
     await eventually(lambda: screen.shows(session), "the session on the dashboard")
 
 
-async def newest_session(up: Up) -> str:
+async def newest_session(up: Running) -> str:
     client = await Client.open(f"tcp://127.0.0.1:{up.robot.agent_port}", answer=None)
     listed = (await client.link.request("session/list", {}))["sessions"]
     await client.close()
@@ -87,7 +85,7 @@ async def offline(visitor: Screen, far: Screen) -> None:
 
 
 async def test_after_a_cut_of_30_s_in_mid_turn_every_screen_is_complete(
-    up: Up, open_page: Opener, cable: Cable
+    up: Running, open_page: Opener, cable: Cable
 ) -> None:
     near = await dashboard(up, open_page, "Sue", up.robot.bridge_port)
     far = await dashboard(up, open_page, "Fay", cable.port)
@@ -138,7 +136,7 @@ async def conversation(page: Page) -> str:
 
 
 async def test_a_stop_that_somebody_pressed_during_the_cut_is_shown_after_it(
-    up: Up, open_page: Opener, cable: Cable
+    up: Running, open_page: Opener, cable: Cable
 ) -> None:
     near = await dashboard(up, open_page, "Sue", up.robot.bridge_port)
     far = await dashboard(up, open_page, "Fay", cable.port)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import re
-import signal
 import time
 from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
@@ -15,23 +14,22 @@ from playwright.async_api import Page, expect
 
 from backend.identity import Role
 from tests.end_to_end import screens
-from tests.end_to_end.conftest import Opener, Up, start
+from tests.end_to_end.conftest import Opener, Running, at_work
 from tests.end_to_end.cut import cable_to
 from tests.end_to_end.test_papers_session import ask
-from tests.processes import Robot, end
+from tests.processes import Robot
 
 PHONE = {"width": 390, "height": 844}
 
 
 @pytest.fixture(scope="module")
-def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
+def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     """The three processes, faster than real, and slow enough to be stopped in mid-drive on a busy machine."""
-    running = start(Robot(tmp_path_factory.mktemp("data")), "--time-scale", "2")
-    yield running
-    assert end(running.process, signal.SIGINT) == 0
+    with at_work(Robot(tmp_path_factory.mktemp("data")), "--time-scale", "2") as running:
+        yield running
 
 
-def login(up: Up, name: str, role: Role, seconds: float = 3600) -> str:
+def login(up: Running, name: str, role: Role, seconds: float = 3600) -> str:
     return f"{up.base}/#token={up.robot.token(name, role, seconds)}"
 
 
@@ -46,7 +44,7 @@ async def ready(page: Page) -> None:
 
 
 @pytest.mark.parametrize("address", ["/", "/#token=forged", "expired"])
-async def test_without_a_valid_token_the_page_says_what_to_do(up: Up, open_page: Opener, address: str) -> None:
+async def test_without_a_valid_token_the_page_says_what_to_do(up: Running, open_page: Opener, address: str) -> None:
     url = login(up, "Late", Role.OPERATOR, -1) if address == "expired" else up.base + address
     page = await open_page(url)
     await expect(page.get_by_role("textbox")).to_be_visible()
@@ -56,7 +54,7 @@ async def test_without_a_valid_token_the_page_says_what_to_do(up: Up, open_page:
     assert (await page.request.get(f"{up.base}/scene/")).status == 401
 
 
-async def test_stop_is_one_click_and_holds_until_a_supervisor_releases_it(up: Up, open_plain: Opener) -> None:
+async def test_stop_is_one_click_and_holds_until_a_supervisor_releases_it(up: Running, open_plain: Opener) -> None:
     supervisor = await open_plain(login(up, "Sue", Role.SUPERVISOR))
     viewer = await open_plain(login(up, "Vic", Role.VIEWER))
     await ready(supervisor)
@@ -81,7 +79,7 @@ async def test_stop_is_one_click_and_holds_until_a_supervisor_releases_it(up: Up
         assert watched.state.pose == standing, "a release must not start any motion again"
 
 
-async def test_a_lost_connection_is_told_and_the_session_comes_back_as_it_was(up: Up, open_plain: Opener) -> None:
+async def test_a_lost_connection_is_told_and_the_session_comes_back_as_it_was(up: Running, open_plain: Opener) -> None:
     async with cable_to(up.robot.bridge_port) as cable:
         page = await open_plain(f"http://127.0.0.1:{cable.port}/#token={up.robot.token('Sue', Role.SUPERVISOR)}")
         await ready(page)
@@ -102,7 +100,7 @@ async def test_a_lost_connection_is_told_and_the_session_comes_back_as_it_was(up
         await expect(page.get_by_test_id("tool-card")).to_have_count(3)
 
 
-async def test_what_the_robot_said_can_be_heard(up: Up, open_plain: Opener) -> None:
+async def test_what_the_robot_said_can_be_heard(up: Running, open_plain: Opener) -> None:
     page = await open_plain(login(up, "Sue", Role.SUPERVISOR))
     await screens.new_session(page)
     await screens.asked(page)
@@ -118,7 +116,7 @@ async def test_what_the_robot_said_can_be_heard(up: Up, open_plain: Opener) -> N
     await until(heard, "the sentence to be played to its end")
 
 
-async def test_a_reload_shows_the_session_as_it_was(up: Up, open_plain: Opener) -> None:
+async def test_a_reload_shows_the_session_as_it_was(up: Running, open_plain: Opener) -> None:
     page = await open_plain(login(up, "Sue", Role.SUPERVISOR))
     await ready(page)
     await screens.new_session(page)
@@ -132,7 +130,7 @@ async def test_a_reload_shows_the_session_as_it_was(up: Up, open_plain: Opener) 
     await expect(page.get_by_test_id("conversation")).to_have_text(before, use_inner_text=True)
 
 
-async def test_an_unknown_place_and_a_goal_in_a_wall_are_answered_in_words(up: Up, open_plain: Opener) -> None:
+async def test_an_unknown_place_and_a_goal_in_a_wall_are_answered_in_words(up: Running, open_plain: Opener) -> None:
     page = await open_plain(login(up, "Sue", Role.SUPERVISOR))
     await ready(page)
     await ask(page, "go to lab 9")
@@ -142,7 +140,7 @@ async def test_an_unknown_place_and_a_goal_in_a_wall_are_answered_in_words(up: U
 
 
 async def test_on_a_phone_nothing_is_cut_off_and_stop_and_the_question_are_in_sight(
-    up: Up, open_page: Opener, pictures: Path
+    up: Running, open_page: Opener, pictures: Path
 ) -> None:
     page = await open_page(login(up, "Sue", Role.SUPERVISOR), viewport=PHONE, has_touch=True)
     await ready(page)
@@ -162,7 +160,7 @@ async def test_on_a_phone_nothing_is_cut_off_and_stop_and_the_question_are_in_si
     await expect(page.get_by_test_id("agent-message").last).to_contain_text("I did not say")
 
 
-async def test_the_scene_shows_the_map_and_the_robot_moving_on_it(up: Up, open_page: Opener) -> None:
+async def test_the_scene_shows_the_map_and_the_robot_moving_on_it(up: Running, open_page: Opener) -> None:
     page = await open_page(login(up, "Sue", Role.SUPERVISOR))
     await ready(page)
     await page.get_by_test_id("camera").click()  # its picture lies over the map and changes, too
@@ -188,7 +186,7 @@ async def test_the_scene_shows_the_map_and_the_robot_moving_on_it(up: Up, open_p
     await until(changed, "the robot to be drawn elsewhere")
 
 
-async def test_a_stray_enter_approves_nothing(up: Up, open_page: Opener) -> None:
+async def test_a_stray_enter_approves_nothing(up: Running, open_page: Opener) -> None:
     page = await open_page(login(up, "Sue", Role.SUPERVISOR))
     await ready(page)
     await screens.new_session(page)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import re
-import signal
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -19,10 +18,10 @@ from playwright.async_api import Page, expect
 
 from backend.identity import Role
 from tests.end_to_end.accessible import accessible
-from tests.end_to_end.conftest import Opener, Up, start
+from tests.end_to_end.conftest import Opener, Running, at_work
 from tests.end_to_end.cut import cable_to
 from tests.end_to_end.screens import ARRIVES_MS
-from tests.processes import Client, Robot, end
+from tests.processes import Client, Robot
 
 COLUMN = {"width": 1080, "height": 1920}
 PHONE = {"width": 390, "height": 844}
@@ -33,21 +32,20 @@ accessible = partial(accessible, smallest=64)
 
 
 @pytest.fixture(scope="module")
-def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
+def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     """The three processes, faster than real, and slow enough for whoever looks at a drive to find it under way."""
-    running = start(Robot(tmp_path_factory.mktemp("data")), "--time-scale", "2")
-    yield running
-    assert end(running.process, signal.SIGINT) == 0
+    with at_work(Robot(tmp_path_factory.mktemp("data")), "--time-scale", "2") as running:
+        yield running
 
 
 @pytest.fixture(autouse=True)
-def released(up: Up) -> None:
+def released(up: Running) -> None:
     """A test that failed while the robot was stopped takes no other with it."""
     address = f"http://127.0.0.1:{up.robot.robot_port}/release"
     httpx.post(address, params={"by": "the next test"}, headers=up.robot.robot_headers).raise_for_status()
 
 
-def kiosk(up: Up, query: str = "map=off", role: Role = Role.VISITOR, base: str | None = None) -> str:
+def kiosk(up: Running, query: str = "map=off", role: Role = Role.VISITOR, base: str | None = None) -> str:
     return f"{base or up.base}/kiosk?{query}#token={up.robot.token(NAME, role)}"
 
 
@@ -57,7 +55,7 @@ async def open_kiosk(open_page: Opener, url: str, **options: Any) -> Page:
     return page
 
 
-async def open_dashboard(up: Up, open_page: Opener, **options: Any) -> Page:
+async def open_dashboard(up: Running, open_page: Opener, **options: Any) -> Page:
     """Staff have a phone in their pocket, which draws no map before it is looked at."""
     url = f"{up.base}/#token={up.robot.token('Sue', Role.SUPERVISOR)}"
     page = await open_page(url, **{"viewport": PHONE, **options})
@@ -78,7 +76,7 @@ async def answered(page: Page, words: str) -> None:
     await expect(page.get_by_test_id("kiosk-field")).to_be_visible()
 
 
-async def place(up: Up, name: str) -> tuple[float, float]:
+async def place(up: Running, name: str) -> tuple[float, float]:
     client = await Client.open(f"tcp://127.0.0.1:{up.robot.agent_port}", answer=None)
     await client.new()
     await client.prompt("/places")
@@ -88,7 +86,7 @@ async def place(up: Up, name: str) -> tuple[float, float]:
     return where["x"], where["y"]
 
 
-async def test_a_visitor_is_driven_to_the_kitchen_and_sees_what_the_robot_sees(up: Up, open_page: Opener) -> None:
+async def test_a_visitor_is_driven_to_the_kitchen_and_sees_what_the_robot_sees(up: Running, open_page: Opener) -> None:
     await open_dashboard(up, open_page)
     page = await open_kiosk(open_page, kiosk(up))
     assert "token" not in page.url
@@ -110,7 +108,7 @@ async def test_a_visitor_is_driven_to_the_kitchen_and_sees_what_the_robot_sees(u
     await accessible(page, "picture")
 
 
-async def test_what_staff_have_to_allow_waits_and_is_said_when_they_do(up: Up, open_page: Opener) -> None:
+async def test_what_staff_have_to_allow_waits_and_is_said_when_they_do(up: Running, open_page: Opener) -> None:
     supervisor = await open_dashboard(up, open_page)
     page = await open_kiosk(open_page, kiosk(up))
     async with up.robot.watched() as watched:
@@ -139,7 +137,7 @@ async def test_what_staff_have_to_allow_waits_and_is_said_when_they_do(up: Up, o
         assert watched.spoken == ["Hello."]
 
 
-async def test_a_kiosk_never_answers_a_question_whoever_is_logged_in(up: Up, open_page: Opener) -> None:
+async def test_a_kiosk_never_answers_a_question_whoever_is_logged_in(up: Running, open_page: Opener) -> None:
     page = await open_kiosk(open_page, kiosk(up, role=Role.SUPERVISOR))
     await expect(page.locator("header")).to_contain_text(f"Logged in as {NAME}, supervisor")
     await wish(page, "Say hello")
@@ -150,7 +148,7 @@ async def test_a_kiosk_never_answers_a_question_whoever_is_logged_in(up: Up, ope
     await answered(page, "refused by Sue")
 
 
-async def test_stop_at_the_kiosk_holds_until_staff_release_it(up: Up, open_page: Opener) -> None:
+async def test_stop_at_the_kiosk_holds_until_staff_release_it(up: Running, open_page: Opener) -> None:
     supervisor = await open_dashboard(up, open_page)
     page = await open_kiosk(open_page, kiosk(up))
     async with up.robot.watched() as watched:
@@ -181,7 +179,7 @@ async def test_stop_at_the_kiosk_holds_until_staff_release_it(up: Up, open_page:
 
 @pytest.mark.parametrize("who", ["nobody", "somebody else"])
 async def test_a_visit_ends_with_its_login_when_that_is_given_up_on_this_device(
-    up: Up, open_page: Opener, who: str
+    up: Running, open_page: Opener, who: str
 ) -> None:
     staff = await open_dashboard(up, open_page)
     page = await open_kiosk(open_page, kiosk(up))
@@ -205,7 +203,7 @@ async def test_a_visit_ends_with_its_login_when_that_is_given_up_on_this_device(
         assert watched.state.stop is None
 
 
-async def test_after_a_minute_untouched_nothing_of_the_visitor_is_left(up: Up, open_page: Opener) -> None:
+async def test_after_a_minute_untouched_nothing_of_the_visitor_is_left(up: Running, open_page: Opener) -> None:
     staff = await Client.open(f"tcp://127.0.0.1:{up.robot.agent_port}", answer=None)
     page = await open_page("about:blank", viewport=COLUMN, has_touch=True)
     await page.clock.install()
@@ -250,7 +248,7 @@ async def test_after_a_minute_untouched_nothing_of_the_visitor_is_left(up: Up, o
     await staff.close()
 
 
-async def test_spanish(up: Up, open_page: Opener, pictures: Path) -> None:
+async def test_spanish(up: Running, open_page: Opener, pictures: Path) -> None:
     supervisor = await open_dashboard(up, open_page)
     page = await open_kiosk(open_page, kiosk(up), locale="es-ES", color_scheme="dark")
     await expect(page.get_by_role("heading", name="Hola, soy Sancho.")).to_be_visible()
@@ -275,7 +273,7 @@ async def test_spanish(up: Up, open_page: Opener, pictures: Path) -> None:
     await expect(page.get_by_role("heading", name="Hola, soy Sancho.")).to_be_visible()
 
 
-async def test_the_dashboard_speaks_spanish_and_remembers_it(up: Up, open_page: Opener) -> None:
+async def test_the_dashboard_speaks_spanish_and_remembers_it(up: Running, open_page: Opener) -> None:
     page = await open_dashboard(up, open_page, viewport={"width": 1440, "height": 900})
     await page.get_by_role("button", name="You are Sue").click()
     await page.get_by_role("menuitemradio", name="Español").click()
@@ -296,7 +294,7 @@ async def test_the_dashboard_speaks_spanish_and_remembers_it(up: Up, open_page: 
     await expect(page.get_by_role("heading", name="Hello, I am Sancho.")).to_be_visible()
 
 
-async def test_a_lost_connection_is_told_and_the_visit_goes_on(up: Up, open_page: Opener) -> None:
+async def test_a_lost_connection_is_told_and_the_visit_goes_on(up: Running, open_page: Opener) -> None:
     await open_dashboard(up, open_page)
     async with cable_to(up.robot.bridge_port) as cable:
         page = await open_kiosk(open_page, kiosk(up, base=f"http://127.0.0.1:{cable.port}"), viewport=PHONE)
@@ -311,7 +309,7 @@ async def test_a_lost_connection_is_told_and_the_visit_goes_on(up: Up, open_page
         await expect(page.locator(".kiosk-asked")).to_contain_text("Take me to lab 2.3.1")
 
 
-async def test_without_a_login_the_kiosk_says_who_can_help(up: Up, open_page: Opener) -> None:
+async def test_without_a_login_the_kiosk_says_who_can_help(up: Running, open_page: Opener) -> None:
     page = await open_page(f"{up.base}/kiosk", viewport=COLUMN)
     await expect(page.get_by_role("heading", name="This screen is not set up yet")).to_be_visible()
     await expect(page.get_by_test_id("login-problem")).to_contain_text("A member of staff can set it up")
@@ -325,7 +323,7 @@ async def test_without_a_login_the_kiosk_says_who_can_help(up: Up, open_page: Op
 
 @pytest.mark.parametrize(("query", "there"), [("map=off", False), ("map=off&voice=on", True)])
 async def test_the_microphone_is_there_only_when_the_address_says_so(
-    up: Up, open_page: Opener, query: str, there: bool
+    up: Running, open_page: Opener, query: str, there: bool
 ) -> None:
     page = await open_kiosk(open_page, kiosk(up, query))
     assert await page.evaluate("'webkitSpeechRecognition' in window || 'SpeechRecognition' in window")

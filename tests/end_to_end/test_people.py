@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -13,24 +12,23 @@ from playwright.async_api import Locator, Page, expect
 from backend.agent.sessions.sessions import PAGE
 from backend.identity import Role
 from tests.end_to_end import screens
-from tests.end_to_end.conftest import Opener, Up, start
-from tests.processes import Client, Robot, end, eventually
+from tests.end_to_end.conftest import Opener, Running, at_work
+from tests.processes import Client, Robot, eventually
 
 AXE = Path(__file__).parents[2] / "web/node_modules/axe-core/axe.min.js"
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]
 
 
 @pytest.fixture(scope="module")
-def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
+def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     """A robot that is slow, so that a drive lasts for as long as several pages on a busy machine may take."""
     slow = {"ROBOT_ACP_ROBOT__LIMITS__MAX_SPEED": "0.3"}
-    running = start(Robot(tmp_path_factory.mktemp("data"), slow))
-    yield running
-    assert end(running.process, signal.SIGINT) == 0
+    with at_work(Robot(tmp_path_factory.mktemp("data"), slow)) as running:
+        yield running
 
 
 @pytest.fixture
-async def terminal(up: Up) -> AsyncIterator[Callable[[str, Role], Awaitable[Client]]]:
+async def terminal(up: Running) -> AsyncIterator[Callable[[str, Role], Awaitable[Client]]]:
     """Opens clients without a screen."""
     clients: list[Client] = []
 
@@ -46,7 +44,7 @@ async def terminal(up: Up) -> AsyncIterator[Callable[[str, Role], Awaitable[Clie
         await client.close()
 
 
-def login(up: Up, name: str, role: Role) -> str:
+def login(up: Running, name: str, role: Role) -> str:
     return f"{up.base}/#token={up.robot.token(name, role)}"
 
 
@@ -78,7 +76,7 @@ def person(page: Page, name: str) -> Locator:
 
 
 async def test_who_is_here_is_told_with_the_role_until_they_leave(
-    up: Up, open_plain: Opener, terminal: Callable[[str, Role], Awaitable[Client]]
+    up: Running, open_plain: Opener, terminal: Callable[[str, Role], Awaitable[Client]]
 ) -> None:
     sue = await open_plain(login(up, "Sue", Role.SUPERVISOR))
     await expect(sue.get_by_test_id("people")).to_have_accessible_name("1 person here")
@@ -107,7 +105,7 @@ async def test_who_is_here_is_told_with_the_role_until_they_leave(
     await expect(sue.get_by_test_id("people")).to_be_focused()
 
 
-async def test_a_supervisor_who_waits_takes_over_and_is_next(up: Up, open_plain: Opener) -> None:
+async def test_a_supervisor_who_waits_takes_over_and_is_next(up: Running, open_plain: Opener) -> None:
     ana = await open_plain(login(up, "Ana", Role.OPERATOR))
     ben = await open_plain(login(up, "Ben", Role.OPERATOR))
     sue = await open_plain(login(up, "Sue", Role.SUPERVISOR))
@@ -147,7 +145,7 @@ async def test_a_supervisor_who_waits_takes_over_and_is_next(up: Up, open_plain:
         await expect(ben.get_by_test_id("agent-message").last).to_contain_text("I turned left by 20°.")
 
 
-async def test_a_supervisor_takes_over_from_the_menu_and_the_robot_waits(up: Up, open_plain: Opener) -> None:
+async def test_a_supervisor_takes_over_from_the_menu_and_the_robot_waits(up: Running, open_plain: Opener) -> None:
     ana = await open_plain(login(up, "Ana", Role.OPERATOR))
     sue = await open_plain(login(up, "Sue", Role.SUPERVISOR))
     ben = await open_plain(login(up, "Ben", Role.OPERATOR))
@@ -180,7 +178,7 @@ async def test_a_supervisor_takes_over_from_the_menu_and_the_robot_waits(up: Up,
 
 
 async def test_a_search_reaches_sessions_of_others_beyond_the_first_page(
-    up: Up, open_plain: Opener, terminal: Callable[[str, Role], Awaitable[Client]]
+    up: Running, open_plain: Opener, terminal: Callable[[str, Role], Awaitable[Client]]
 ) -> None:
     ana, ben = await terminal("Ana", Role.OPERATOR), await terminal("Ben", Role.OPERATOR)
     await ana.new()
@@ -214,7 +212,7 @@ async def test_a_search_reaches_sessions_of_others_beyond_the_first_page(
 
 
 async def test_a_session_in_which_the_robot_works_is_marked_for_everybody(
-    up: Up, open_plain: Opener, terminal: Callable[[str, Role], Awaitable[Client]]
+    up: Running, open_plain: Opener, terminal: Callable[[str, Role], Awaitable[Client]]
 ) -> None:
     ana = await terminal("Ana", Role.OPERATOR)
     await ana.new()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,10 +12,10 @@ from playwright.async_api import Page, expect
 
 from backend.identity import Role
 from tests.end_to_end import screens
-from tests.end_to_end.conftest import Opener, Up, start
+from tests.end_to_end.conftest import Opener, Running, at_work
 from tests.end_to_end.test_dashboard import PHONE, login, ready, until
 from tests.end_to_end.test_papers_session import ask
-from tests.processes import Client, Robot, end
+from tests.processes import Client, Robot
 
 LISTEN = """
 window.heard = { notifications: [], tones: 0, closed: 0 };
@@ -38,19 +37,18 @@ DRIVES_ASK = {"supervised": {"navigate_to_place": "ask", "navigate_to_pose": "as
 
 
 @pytest.fixture(scope="module")
-def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
+def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     """A robot that asks before it drives, has little charge left, and finds the door of one lab closed."""
     settings = {
         "ROBOT_ACP_AGENT__POLICY": json.dumps(DRIVES_ASK),
         "ROBOT_ACP_ROBOT__SIMULATOR__BATTERY": "0.12",
         "ROBOT_ACP_ROBOT__SIMULATOR__CLOSED_DOORS": '["lab-2.3.6"]',
     }
-    running = start(Robot(tmp_path_factory.mktemp("data"), settings), "--time-scale", "2")
-    yield running
-    assert end(running.process, signal.SIGINT) == 0
+    with at_work(Robot(tmp_path_factory.mktemp("data"), settings), "--time-scale", "2") as running:
+        yield running
 
 
-async def supervisor(up: Up, open_page: Opener, *, listening: bool = False, **options: object) -> Page:
+async def supervisor(up: Running, open_page: Opener, *, listening: bool = False, **options: object) -> Page:
     """Sue's page, in a session of its own."""
     page = await open_page("about:blank", **options)
     if listening:
@@ -67,7 +65,7 @@ async def heard(page: Page, what: str) -> None:
 
 
 async def test_a_robot_that_stopped_by_itself_is_told_until_somebody_has_read_it(
-    up: Up, open_page: Opener, pictures: Path
+    up: Running, open_page: Opener, pictures: Path
 ) -> None:
     page = await supervisor(up, open_page)
     await ask(page, "go to lab 2.3.6")
@@ -84,7 +82,7 @@ async def test_a_robot_that_stopped_by_itself_is_told_until_somebody_has_read_it
     await expect(phone.get_by_test_id("halted-band")).to_have_count(0)
 
 
-async def test_a_battery_that_is_low_is_told_away_from_the_dock(up: Up, open_plain: Opener) -> None:
+async def test_a_battery_that_is_low_is_told_away_from_the_dock(up: Running, open_plain: Opener) -> None:
     page = await supervisor(up, open_plain)
     staff = await Client.open(f"tcp://127.0.0.1:{up.robot.agent_port}")
     await staff.new()
@@ -101,7 +99,7 @@ async def test_a_battery_that_is_low_is_told_away_from_the_dock(up: Up, open_pla
 
 
 async def test_the_way_is_shown_before_it_is_driven_and_gone_after_a_no(
-    up: Up, open_page: Opener, pictures: Path
+    up: Running, open_page: Opener, pictures: Path
 ) -> None:
     page = await supervisor(up, open_page)
     async with up.robot.watched() as watched:
@@ -118,7 +116,7 @@ async def test_the_way_is_shown_before_it_is_driven_and_gone_after_a_no(
         assert all(state.motion is None for _, state in watched.states)
 
 
-async def test_nobody_is_asked_for_a_drive_into_a_wall(up: Up, open_plain: Opener) -> None:
+async def test_nobody_is_asked_for_a_drive_into_a_wall(up: Running, open_plain: Opener) -> None:
     page = await supervisor(up, open_plain)
     await ask(page, "go to (0.05, 0.05)")
     await expect(page.get_by_test_id("agent-message").last).to_contain_text("inside a wall")
@@ -128,7 +126,7 @@ async def test_nobody_is_asked_for_a_drive_into_a_wall(up: Up, open_plain: Opene
 
 
 async def test_a_question_calls_with_a_sound_and_a_notification_when_the_page_is_not_in_front(
-    up: Up, open_plain: Opener
+    up: Running, open_plain: Opener
 ) -> None:
     page = await supervisor(up, open_plain, listening=True)
     await ask(page, "say hello")
@@ -156,7 +154,7 @@ async def test_a_question_calls_with_a_sound_and_a_notification_when_the_page_is
     await expect(page.get_by_test_id("setting-sound")).not_to_be_checked()
 
 
-async def test_a_question_is_answered_with_the_keyboard_alone(up: Up, open_page: Opener) -> None:
+async def test_a_question_is_answered_with_the_keyboard_alone(up: Running, open_page: Opener) -> None:
     page = await supervisor(up, open_page)
     async with up.robot.watched() as watched:
         await page.get_by_test_id("composer").focus()
@@ -171,7 +169,7 @@ async def test_a_question_is_answered_with_the_keyboard_alone(up: Up, open_page:
         await watched.until(lambda: watched.spoken == ["Hello."], "the greeting")
 
 
-async def test_what_is_remembered_is_said_before_and_can_be_read_afterwards(up: Up, open_plain: Opener) -> None:
+async def test_what_is_remembered_is_said_before_and_can_be_read_afterwards(up: Running, open_plain: Opener) -> None:
     page = await supervisor(up, open_plain)
     await ask(page, "say hello")
     await expect(page.get_by_test_id("permission-rule")).to_have_text("This answer counts once.")

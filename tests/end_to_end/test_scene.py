@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import io
 import re
-import signal
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -19,11 +18,11 @@ from playwright.async_api import Error as PlaywrightError
 from playwright.async_api import Locator, Page, expect
 
 from backend.identity import Role
-from tests.end_to_end.conftest import Opener, Up, start
+from tests.end_to_end.conftest import Opener, Running, at_work
 from tests.end_to_end.tap import tap_on
 from tests.end_to_end.test_dashboard import PHONE, login, until
 from tests.end_to_end.test_papers_session import ask
-from tests.processes import Robot, end, eventually
+from tests.processes import Robot, eventually
 
 ALIKE = 0.03
 """The share of two pictures of the same that may differ: viser draws more coarsely the slower the machine is."""
@@ -34,11 +33,10 @@ FRAMES = "() => new Promise(drawn => requestAnimationFrame(() => requestAnimatio
 
 
 @pytest.fixture(scope="module")
-def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
+def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     """The three processes at the robot's real speed, so that a drive lasts while a page draws slowly."""
-    running = start(Robot(tmp_path_factory.mktemp("data")))
-    yield running
-    assert end(running.process, signal.SIGINT) == 0
+    with at_work(Robot(tmp_path_factory.mktemp("data"))) as running:
+        yield running
 
 
 def view(page: Page, name: str) -> Locator:
@@ -86,7 +84,7 @@ async def close_camera(page: Page) -> None:
     await expect(page.get_by_test_id("camera-view")).to_have_count(0)
 
 
-async def test_the_view_that_follows_moves_with_the_robot_and_the_map_stays(up: Up, open_page: Opener) -> None:
+async def test_the_view_that_follows_moves_with_the_robot_and_the_map_stays(up: Running, open_page: Opener) -> None:
     page = await open_page(login(up, "Sue", Role.SUPERVISOR))
     await close_camera(page)
     await drawn(page)
@@ -134,7 +132,7 @@ async def point_at_the_corridor(page: Page) -> tuple[float, float]:
 
 
 async def test_a_click_on_the_floor_and_a_go_send_the_robot_there_as_an_ordinary_prompt(
-    up: Up, open_page: Opener
+    up: Running, open_page: Opener
 ) -> None:
     page = await open_page(login(up, "Sue", Role.SUPERVISOR))
     await close_camera(page)
@@ -151,7 +149,7 @@ async def test_a_click_on_the_floor_and_a_go_send_the_robot_there_as_an_ordinary
 
 
 async def test_a_place_of_the_list_needs_no_pointer_and_waits_while_the_robot_is_at_work(
-    up: Up, open_page: Opener
+    up: Running, open_page: Opener
 ) -> None:
     page = await open_page(login(up, "Sue", Role.SUPERVISOR))
     await drawn(page)
@@ -178,7 +176,7 @@ async def test_a_place_of_the_list_needs_no_pointer_and_waits_while_the_robot_is
 
 
 async def test_who_only_watches_gets_views_and_the_camera_but_no_way_to_send_the_robot(
-    up: Up, open_page: Opener
+    up: Running, open_page: Opener
 ) -> None:
     page = await open_page(login(up, "Vic", Role.VIEWER))
     await drawn(page)
@@ -198,7 +196,7 @@ async def fits(page: Page, names: list[str]) -> None:
 
 @pytest.mark.parametrize("language", ["en-GB", "es-ES"])
 async def test_on_a_phone_every_button_of_the_map_is_in_sight_and_large_enough(
-    up: Up, open_page: Opener, language: str
+    up: Running, open_page: Opener, language: str
 ) -> None:
     page = await open_page(login(up, "Sue", Role.SUPERVISOR), viewport=PHONE, has_touch=True, locale=language)
     await page.get_by_role("navigation").get_by_role("button").nth(1).tap()
@@ -209,7 +207,7 @@ async def test_on_a_phone_every_button_of_the_map_is_in_sight_and_large_enough(
     await fits(page, ["go-here-place", "go-here-cancel", "go-here-go"])
 
 
-async def test_the_kiosk_has_the_plain_map(up: Up, open_page: Opener) -> None:
+async def test_the_kiosk_has_the_plain_map(up: Running, open_page: Opener) -> None:
     url = f"{up.base}/kiosk#token={up.robot.token('Kiosk', Role.VISITOR)}"
     page = await open_page(url, viewport={"width": 1080, "height": 1920})
     await expect(page.locator("iframe")).to_have_attribute("src", "/scene/")
@@ -217,7 +215,7 @@ async def test_the_kiosk_has_the_plain_map(up: Up, open_page: Opener) -> None:
         await expect(page.get_by_test_id(name)).to_have_count(0)
 
 
-async def test_the_camera_shows_other_pictures_as_the_robot_drives(up: Up, open_page: Opener) -> None:
+async def test_the_camera_shows_other_pictures_as_the_robot_drives(up: Running, open_page: Opener) -> None:
     page = await open_page(login(up, "Sue", Role.SUPERVISOR))
     shown = page.get_by_role("img", name="What Sancho sees now")
     await expect(shown).to_be_visible()

@@ -6,14 +6,13 @@ our code.
 
 from __future__ import annotations
 
-import signal
 from pathlib import Path
 
 from backend.identity import Role
 from tests.conformance.papers_session import run_the_papers_session
 from tests.conformance.sdk_clients import TypeScriptInPage, page_of_another_site
-from tests.end_to_end.conftest import Opener, start
-from tests.processes import Robot, end, listens, wait_until
+from tests.end_to_end.conftest import Opener
+from tests.processes import Robot
 
 
 async def test_the_typescript_sdk_in_chromium_runs_the_papers_session(tmp_path: Path, open_page: Opener) -> None:
@@ -21,12 +20,8 @@ async def test_the_typescript_sdk_in_chromium_runs_the_papers_session(tmp_path: 
     folder.mkdir()
     with page_of_another_site(folder) as origin:
         robot = Robot(tmp_path / "data", {"ROBOT_ACP_BRIDGE__ALLOWED_ORIGINS": f'["{origin}"]'})
-        up = start(robot, "--time-scale", "4")
-        try:
-            wait_until(lambda: listens(robot.robot_port) and listens(robot.agent_port), "robot and agent")
+        with robot.at_work("--time-scale", "4"):
             page = await open_page(origin)
             address = f"ws://127.0.0.1:{robot.bridge_port}/acp"
             client = await TypeScriptInPage.open(page, address, robot.token("Ana", Role.SUPERVISOR))
             await run_the_papers_session(client, robot, "Ana")
-        finally:
-            end(up.process, signal.SIGINT)

@@ -62,7 +62,7 @@ def test_a_process_that_dies_is_started_again_and_the_others_stay(tmp_path: Path
 def test_an_address_that_is_taken_is_told_with_what_to_do(tmp_path: Path) -> None:
     robot = Robot(tmp_path)
     with robot.running("robot", port=robot.robot_port):
-        process = robot.spawn("up", stderr=subprocess.PIPE)
+        process = robot.start("up", stderr=subprocess.PIPE)
         _, error = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 2
     assert f"The robot cannot use 127.0.0.1:{robot.robot_port}" in error
@@ -73,7 +73,7 @@ def test_an_address_that_is_taken_is_told_with_what_to_do(tmp_path: Path) -> Non
 def test_a_setting_that_cannot_be_used_is_named(tmp_path: Path) -> None:
     file = tmp_path / "robot.toml"
     file.write_text('[robot]\nmax_sped = 1\n[robot.limits]\nmax_speed = "fast"\n')
-    process = Robot(tmp_path).spawn("--config", str(file), "up", stderr=subprocess.PIPE)
+    process = Robot(tmp_path).start("--config", str(file), "up", stderr=subprocess.PIPE)
     _, error = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 2
     assert "robot.max_sped" in error

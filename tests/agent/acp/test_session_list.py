@@ -57,10 +57,10 @@ async def test_a_search_finds_the_words_in_titles_and_in_names_of_owners(robot: 
 
 async def test_what_is_found_comes_in_pages_too(robot: Robot, connect: Opener) -> None:
     client = await connect(robot.token("Pat", Role.OPERATOR))
-    await begin(client, *["/where"] * (PAGE + 2), "/battery")
-    page = await client.link.request("session/list", {"_meta": {"robot-acp/search": "pat where"}})
+    await begin(client, *["/places"] * (PAGE + 2), "/battery")
+    page = await client.link.request("session/list", {"_meta": {"robot-acp/search": "pat places"}})
     assert len(page["sessions"]) == PAGE
-    found = await listed(client, "pat where")
+    found = await listed(client, "pat places")
     assert len({session["sessionId"] for session in found}) == PAGE + 2
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from backend.identity import Role
-from tests.agent.conftest import FAR, Opener
+from tests.agent.conftest import Opener, far
 from tests.processes import Client, Robot, Watched, eventually
 
 AWAY_S = 1.0
@@ -23,8 +23,8 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
         yield robot
 
 
-async def driving(client: Client, watched: Watched, text: str = FAR) -> None:
-    client.later(client.prompt(text))
+async def driving(client: Client, watched: Watched, text: str | None = None) -> None:
+    client.later(client.prompt(text or far(watched)))
     await watched.until(lambda: watched.speed > 0.3, "the robot to drive")
 
 
