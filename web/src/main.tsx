@@ -1,6 +1,6 @@
 /** Where the page begins. */
 import { createRoot } from "react-dom/client";
-import { begin } from "./acp/connection";
+import { begin } from "./acp/connection/connection";
 import { App } from "./app";
 import "./i18n";
 import "./styles/tokens.css";

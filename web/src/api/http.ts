@@ -2,8 +2,8 @@
  * The few plain HTTP requests of the page: login, health, stop and release. They do not need the ACP connection;
  * above all Stop must work without it. Nothing here touches the state of the page.
  */
-import { asNumber, asString, isRecord } from "../acp/meta";
-import { parseStop, type Stop } from "../acp/telemetry";
+import { asNumber, asString, isRecord } from "../wire/meta";
+import { parseStop, type Stop } from "../wire/telemetry";
 
 export const ROLES = ["viewer", "visitor", "operator", "supervisor"] as const;
 export type Role = (typeof ROLES)[number];

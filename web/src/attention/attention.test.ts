@@ -1,6 +1,6 @@
 /** A person is called once for each question; where the browser forbids something, nothing breaks. */
 import { beforeEach, describe, expect, it, vi } from "vitest";
-import { Calls } from "./fresh";
+import { Calls } from "./announced-questions";
 import { askAllowance, notify, useAllowance } from "./notification";
 import { change, useAttentionSettings } from "./settings";
 import { chime, tuneAtFirstGesture } from "./sound";

@@ -1,6 +1,6 @@
 /** How a question calls for a person in this browser: with a sound, with a notification. Remembered, and told to nobody. */
 import { create } from "zustand";
-import { isRecord } from "../acp/meta";
+import { isRecord } from "../wire/meta";
 
 const KEPT = "robot-acp/attention";
 

@@ -1,10 +1,10 @@
 /** Calls a person to each new question: one sound, and a notification while it is open and the page is not in front. */
 import { useEffect, useRef } from "react";
 import { useTranslation } from "react-i18next";
-import { putFirst } from "../acp/questions";
-import { callWords } from "../i18n/known";
+import { putFirst } from "../acp/sessions/questions";
+import { callWords } from "../i18n/agent-terms";
 import { robotName, useStore } from "../state/store";
-import { Calls, nameOf } from "./fresh";
+import { Calls, nameOf } from "./announced-questions";
 import { isInFront, notify } from "./notification";
 import { useAttentionSettings } from "./settings";
 import { chime, tuneAtFirstGesture } from "./sound";

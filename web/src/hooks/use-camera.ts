@@ -1,6 +1,6 @@
 /** The camera's pictures, for components: the stream is open only while somebody looks. */
 import { useEffect, useRef, useState } from "react";
-import { KeptSocket } from "../scene/kept-socket";
+import { KeptSocket } from "../scene/reconnecting-socket";
 import { LatestPicture } from "../scene/latest-picture";
 import { useStore } from "../state/store";
 

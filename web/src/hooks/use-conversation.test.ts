@@ -1,7 +1,7 @@
 /** Many words in one frame are drawn once, and all of them. */
 import { act, renderHook } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
-import { EMPTY } from "../state/conversation";
+import { EMPTY } from "../state/conversation/conversation";
 import { INITIAL, setState } from "../state/store";
 import { useConversation } from "./use-conversation";
 

@@ -3,7 +3,7 @@
  * While the page is not seen there are no frames, and nothing is drawn.
  */
 import { useSyncExternalStore } from "react";
-import type { Conversation } from "../state/conversation";
+import type { Conversation } from "../state/conversation/conversation";
 import { conversationOf, getState, useStore } from "../state/store";
 
 export function useConversation(): Conversation {

@@ -1,6 +1,6 @@
 /** What the robot is doing, for components: drawn anew only when that changes. */
 import { useShallow } from "zustand/react/shallow";
-import { robotState, type RobotState } from "../state/robot";
+import { robotState, type RobotState } from "../state/robot-state";
 import { useStore } from "../state/store";
 
 export function useRobotState(): RobotState {

@@ -1,7 +1,7 @@
 /** What the next visitor sees first. */
 import { useTranslation } from "react-i18next";
 import { robotName, useStore } from "../state/store";
-import { useDoing, useDoingWords } from "./use-doing";
+import { useDoing, useDoingWords } from "./answer/use-robot-activity";
 
 export function Greeting() {
   const { t } = useTranslation();

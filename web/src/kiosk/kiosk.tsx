@@ -1,23 +1,23 @@
 /** The visitor's screen: a greeting with suggestions, then what was asked, what the robot does, and its answer. */
 import { useCallback, useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
-import { stopRobot } from "../acp/connection";
-import { ask, endVisit, startKiosk } from "../acp/visit";
-import { StopButton } from "../components/stop-button";
+import { stopRobot } from "../acp/connection/connection";
+import { ask, endVisit, startKiosk } from "../acp/screens/kiosk-visit";
+import { StopButton } from "../components/shared/stop-button";
 import { firstLanguage, speak } from "../i18n";
 import { canPrompt } from "../state/rights";
 import { conversationOf, robotName, setState, useMe, useStore } from "../state/store";
-import { AskBar } from "./ask-bar";
-import { Answer } from "./answer";
+import { AskBar } from "./ask/ask-bar";
+import { Answer } from "./answer/answer";
 import { Greeting } from "./greeting";
 import { KioskMap } from "./kiosk-map";
 import "./kiosk.css";
 import { Notices } from "./notices";
 import { kioskSettings } from "./settings";
-import { StillThere } from "./still-there";
-import { Suggestions } from "./suggestion-list";
+import { StillThere } from "./idle/still-there";
+import { Suggestions } from "./ask/suggestion-list";
 import { TopLine } from "./top-line";
-import { useRest } from "./use-rest";
+import { useRest } from "./idle/use-idle-timer";
 import { isOutdated } from "./version";
 
 const SETTINGS = kioskSettings(window.location.search);

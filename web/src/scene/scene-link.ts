@@ -2,8 +2,8 @@
  * The page's side of `WS /scene/<viewer>/control`: where this viewer's camera stands, and what it picks on the map.
  * The view that somebody chose is kept over lost connections. Nothing in here can make the robot do anything.
  */
-import { asNumber, asString, isRecord } from "../acp/meta";
-import { KeptSocket } from "./kept-socket";
+import { asNumber, asString, isRecord } from "../wire/meta";
+import { KeptSocket } from "./reconnecting-socket";
 
 export const VIEWS = ["follow", "top", "map"] as const;
 export type View = (typeof VIEWS)[number];

@@ -1,6 +1,6 @@
 /** What stands at the top of the screen: the gravest first, two at most unless more are grave, and nothing about a robot that nobody hears. */
 import { describe, expect, it } from "vitest";
-import { parseTelemetry, type Telemetry } from "../acp/telemetry";
+import { parseTelemetry, type Telemetry } from "../wire/telemetry";
 import { alerts, stillHidden, type Hidden } from "./alerts";
 import { INITIAL, type State } from "./store";
 

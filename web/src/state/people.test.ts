@@ -1,6 +1,6 @@
 /** Who is named first, and what a confirmation says before the robot is taken over. */
 import { describe, expect, it } from "vitest";
-import { parsePeople, type Person } from "../acp/people";
+import { parsePeople, type Person } from "../wire/people";
 import { arranged, consequences, waitingSession } from "./people";
 
 const person = (name: string, role: Person["role"]): Person => ({ name, role, connections: 1, sessions: [] });

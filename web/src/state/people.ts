@@ -1,6 +1,6 @@
 /** Who is here, in the order in which people are looked for, and what taking the robot over would do. Pure. */
-import type { Person } from "../acp/people";
-import type { Claim, Telemetry } from "../acp/telemetry";
+import type { Person } from "../wire/people";
+import type { Claim, Telemetry } from "../wire/telemetry";
 import type { Role } from "../api/http";
 
 export type Holding = "has" | "waits" | null;

@@ -1,7 +1,7 @@
 /** What the list says of a session, what a search finds in it, and how it is read again. */
 import type { SessionInfo } from "@agentclientprotocol/sdk";
 import { describe, expect, it } from "vitest";
-import { EMPTY } from "./conversation";
+import { EMPTY } from "./conversation/conversation";
 import { matches, mayDelete, refreshed, worksIn } from "./session-list";
 
 const session = (sessionId: string, rest: Partial<SessionInfo> = {}): SessionInfo => ({

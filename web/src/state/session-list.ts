@@ -1,8 +1,8 @@
 /** What the list of sessions says of each, what a search finds, and how a fresh first page meets the older ones. Pure. */
 import type { SessionInfo } from "@agentclientprotocol/sdk";
-import { asString, turnOf } from "../acp/meta";
+import { asString, turnOf } from "../wire/meta";
 import type { Role } from "../api/http";
-import type { Conversation } from "./conversation";
+import type { Conversation } from "./conversation/conversation";
 
 /** Whose session it is; null when the agent does not say. */
 export function ownerOf(session: SessionInfo): string | null {

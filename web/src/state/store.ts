@@ -4,14 +4,14 @@
  */
 import type { PermissionOption, RequestPermissionResponse, SessionInfo } from "@agentclientprotocol/sdk";
 import { create } from "zustand";
-import type { Abilities } from "../acp/abilities";
-import type { LinkState } from "../acp/link";
-import type { Preview } from "../acp/meta";
-import type { Person } from "../acp/people";
-import type { Stop, Telemetry } from "../acp/telemetry";
+import type { Abilities } from "../wire/abilities";
+import type { LinkState } from "../acp/connection/link";
+import type { Preview } from "../wire/meta";
+import type { Person } from "../wire/people";
+import type { Stop, Telemetry } from "../wire/telemetry";
 import type { Health, Me } from "../api/http";
 import type { Hidden } from "./alerts";
-import { EMPTY, type Conversation } from "./conversation";
+import { EMPTY, type Conversation } from "./conversation/conversation";
 
 /** Somebody has to decide. Kept until it is answered, withdrawn or decided by somebody else. */
 export interface Question {

@@ -1,0 +1,75 @@
+/** One event of the log in a line; all that is in it is asked for when somebody opens it. */
+import { ChevronRight } from "lucide-react";
+import { memo, useEffect, useState } from "react";
+import { useTranslation } from "react-i18next";
+import { isRecord } from "../../wire/meta";
+import { readEvents } from "../../acp/events/event-pages";
+import { clock } from "../../i18n/format";
+import type { Row } from "../../state/log-rows";
+import { DataView } from "../controls/data-view";
+
+const LONGEST = 600;
+
+export const LogRow = memo(function LogRow(props: { row: Row; name: string; sessionId: string }) {
+  const { row, name, sessionId } = props;
+  const [open, setOpen] = useState(false);
+  const end = useEnd(row);
+  const text = end ?? row.text;
+  const othersAt = end === null ? row.othersAt : end.length;
+  return (
+    <li className="log-row" data-testid="log-row" data-seq={row.seq} data-kind={row.kind}>
+      <button type="button" className="log-line" aria-expanded={open} onClick={() => setOpen(!open)}>
+        <ChevronRight aria-hidden className="log-mark" />
+        <span className="log-number">{row.seq}</span>
+        <span className="log-time">{clock(row.at)}</span>
+        <span className="log-kind">{name}</span>
+        <span className="log-text">
+          {text.slice(0, othersAt)}
+          {othersAt < text.length && <span lang="">{text.slice(othersAt)}</span>}
+        </span>
+      </button>
+      {open && <Details seq={row.seq} sessionId={sessionId} />}
+    </li>
+  );
+});
+
+const ENDS = ["cancelled", "max_tokens", "max_turn_requests", "refusal", "interrupted"] as const;
+
+/** How a turn ended, in words; a normal end needs none. Null for a row of anything else. */
+function useEnd({ kind, text }: Row): string | null {
+  const { t } = useTranslation();
+  if (kind !== "ended") return null;
+  const end = ENDS.find((reason) => reason === text);
+  return end === undefined ? "" : t(`note.${end}`);
+}
+
+function Details({ seq, sessionId }: { seq: number; sessionId: string }) {
+  const { t } = useTranslation();
+  const [told, setTold] = useState<unknown>(undefined);
+  const [failed, setFailed] = useState(false);
+  useEffect(() => {
+    let over = false;
+    readEvents(sessionId, seq - 1, 1).then(
+      ({ events }) => !over && setTold(shortened(events[0]?.update)),
+      () => !over && setFailed(true),
+    );
+    return () => {
+      over = true;
+    };
+  }, [seq, sessionId]);
+  if (failed) return <p className="log-details muted small">{t("log.noDetails")}</p>;
+  if (told === undefined) return <p className="log-details muted small">{t("log.reading")}</p>;
+  return (
+    <div className="log-details details-text" data-testid="log-details">
+      <DataView value={told} />
+    </div>
+  );
+}
+
+/** Pictures and sounds are long texts here, and nobody reads those. */
+function shortened(value: unknown): unknown {
+  if (typeof value === "string" && value.length > LONGEST) return `${value.slice(0, LONGEST)}…`;
+  if (Array.isArray(value)) return value.map(shortened);
+  if (!isRecord(value)) return value;
+  return Object.fromEntries(Object.entries(value).map(([key, inner]) => [key, shortened(inner)]));
+}

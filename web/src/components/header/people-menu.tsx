@@ -1,0 +1,187 @@
+/** Who is here and who has the robot: a chip in the line at the top, and what opens from it. */
+import { Bot, Eye, Hand, Headset, ShieldUser, UserRound, Users } from "lucide-react";
+import { Popover } from "radix-ui";
+import { useRef, useState } from "react";
+import { useTranslation } from "react-i18next";
+import type { Role } from "../../api/http";
+import { arranged, waitingSession, type Listed } from "../../state/people";
+import { canTakeOver } from "../../state/rights";
+import { robotName, useMe, useStore } from "../../state/store";
+import { Quoting } from "../shared/sentence-with-quote";
+import { useTakeOver } from "../controls/use-take-over";
+
+/** The chip. Those whom nobody tells who is here see who has the robot, and nothing to open. */
+export function PeopleMenu() {
+  const { t } = useTranslation();
+  // Who was here before the silence may have left.
+  const people = useStore((state) => (state.heardUntil === null ? state.people : null));
+  const me = useMe();
+  const turn = useStore((state) => state.telemetry?.turn ?? null);
+  const [open, setOpen] = useState(false);
+  const taking = useRef(false);
+  const { ask, dialog } = useTakeOver(waitingSession(turn?.waiting, me.name));
+  // Else it would open by itself when the connection is back.
+  if (people === null && open) setOpen(false);
+  if (people === null) return <Holder />;
+  return (
+    <>
+      <Popover.Root open={open} onOpenChange={setOpen}>
+        <Popover.Trigger className="people" data-testid="people" data-held={turn !== null}>
+          <Holder />
+          <span className="people-here">
+            <Users aria-hidden />
+            <span className="people-count" aria-hidden="true">
+              {people.length}
+            </span>
+            <span className="people-words">{t("people.here", { count: people.length })}</span>
+          </span>
+        </Popover.Trigger>
+        <Popover.Portal>
+          <Popover.Content
+            className="menu people-menu"
+            align="end"
+            sideOffset={8}
+            collisionPadding={8}
+            aria-labelledby="people-title"
+            data-testid="people-menu"
+            onOpenAutoFocus={(event) => {
+              // Nobody takes the robot over with the key that opened this.
+              event.preventDefault();
+              (event.currentTarget as HTMLElement).focus();
+            }}
+            onCloseAutoFocus={() => {
+              // Only now, so that the focus comes back to the chip after the confirmation.
+              if (taking.current) ask();
+              taking.current = false;
+            }}
+          >
+            <h2 id="people-title" className="people-title">
+              {t("people.here", { count: people.length })}
+            </h2>
+            <Control
+              onTakeOver={() => {
+                taking.current = true;
+                setOpen(false);
+              }}
+            />
+            <ul className="people-list">
+              {arranged(people, turn, me).map((person) => (
+                <Row key={`${person.role} ${person.name}`} person={person} />
+              ))}
+            </ul>
+          </Popover.Content>
+        </Popover.Portal>
+      </Popover.Root>
+      {dialog}
+    </>
+  );
+}
+
+function Holder() {
+  const { t } = useTranslation();
+  const me = useMe();
+  const holder = useStore((state) => state.telemetry?.turn?.by ?? null);
+  if (holder === null) return null;
+  return (
+    <span className="metric people-holder" data-testid="status-holder">
+      <Hand aria-hidden />
+      <span className="metric-value holder-words">
+        {holder === me.name ? t("status.heldByYou") : t("status.heldBy", { name: holder })}
+      </span>
+      <span className="metric-value holder-short" aria-hidden="true">
+        {holder}
+      </span>
+    </span>
+  );
+}
+
+/** Who has the robot, and for a supervisor the way to have it. */
+function Control({ onTakeOver }: { onTakeOver: () => void }) {
+  const { t } = useTranslation();
+  const me = useMe();
+  const robot = useStore(robotName);
+  const turn = useStore((state) => state.telemetry?.turn ?? null);
+  const holder = turn?.by ?? null;
+  return (
+    <div className="people-control" data-held={holder !== null}>
+      <Hand aria-hidden />
+      <p>
+        {holder === null
+          ? t("people.free", { robot })
+          : holder === me.name
+            ? t("people.youHave", { robot })
+            : t("people.has", { robot, name: holder })}
+      </p>
+      {holder !== null && holder !== me.name && canTakeOver(me.role) && (
+        <button type="button" className="button" data-testid="take-over" onClick={onTakeOver}>
+          {t("people.takeOver")}
+        </button>
+      )}
+    </div>
+  );
+}
+
+const ICONS: Record<Role, typeof Bot> = {
+  supervisor: ShieldUser,
+  operator: Headset,
+  visitor: UserRound,
+  viewer: Eye,
+};
+
+function Row({ person }: { person: Listed }) {
+  const { t } = useTranslation();
+  const robot = useStore(robotName);
+  const Icon = ICONS[person.role];
+  const facts = [
+    t(`role.${person.role}`),
+    person.connections > 1 ? t("people.devices", { count: person.connections }) : null,
+  ].filter((fact) => fact !== null);
+  return (
+    <li className="person" data-testid="person" data-name={person.name}>
+      <Icon aria-hidden className="person-icon" />
+      <div className="person-text">
+        <p className="person-name">
+          <span className="person-own-name" title={person.name}>
+            {person.name}
+          </span>
+          {person.you && <span className="muted">({t("people.you")})</span>}
+          {person.holding !== null && (
+            <span className="person-holding" data-holding={person.holding}>
+              {t(person.holding === "has" ? "people.markHas" : "people.markWaits", { robot })}
+            </span>
+          )}
+        </p>
+        <p className="person-facts">{facts.join(" · ")}</p>
+        <Watching sessions={person.sessions} />
+      </div>
+    </li>
+  );
+}
+
+/** The session that they opened last, by its name where this page knows it. */
+function Watching({ sessions }: { sessions: string[] }) {
+  const { t } = useTranslation();
+  const first = sessions[0];
+  const title = useStore((state) => {
+    if (first === undefined) return null;
+    const listed = [...state.sessions, ...(state.found?.sessions ?? [])];
+    const known = listed.find(({ sessionId }) => sessionId === first);
+    return known?.title ?? state.conversations[first]?.title ?? null;
+  });
+  if (first === undefined) return null;
+  const count = sessions.length - 1;
+  return (
+    <p className="person-facts person-watching" title={title ?? undefined}>
+      {title === null ? (
+        t("people.watches", { count: sessions.length })
+      ) : (
+        <Quoting
+          sentence={
+            count === 0 ? t("people.watchesOne", { title }) : t("people.watchesMore", { title, count })
+          }
+          words={title}
+        />
+      )}
+    </p>
+  );
+}

@@ -1,0 +1,129 @@
+/**
+ * Where shall it go? A place or a point picked on the map, or a place of the list, and a Go that sends an ordinary prompt
+ * in the session on the screen. There is no other way from the map to the robot.
+ */
+import { useEffect, useId, useRef, type KeyboardEvent, type ReactNode } from "react";
+import { useTranslation } from "react-i18next";
+import { learnAbilities } from "../../wire/abilities";
+import { prompt } from "../../acp/sessions/sessions";
+import { useWhyNot } from "../../hooks/use-prompt-obstacle";
+import { fixed } from "../../i18n/format";
+import { promptFor, type Destination } from "../../scene/destination";
+import { robotName, useMe, useStore } from "../../state/store";
+
+export interface GoHereProps {
+  destination: Destination | null;
+  /** Why the map gives no picks; null when it does. */
+  refused: ReactNode;
+  onDestination: (destination: Destination | null) => void;
+  /** It was sent, and this is what was asked; or nothing was, and it is over. */
+  onOver: (asked: string | null) => void;
+}
+
+export function GoHere({ destination, refused, onDestination, onOver }: GoHereProps) {
+  const { t } = useTranslation();
+  const me = useMe();
+  const robot = useStore(robotName);
+  const whyNot = useWhyNot();
+  const words = useWords();
+  const problemId = useId();
+  const send = (): void => {
+    if (destination === null || whyNot !== null) return;
+    void prompt(promptFor(destination), me.name);
+    onOver(words(destination));
+  };
+  const onKeyDown = (event: KeyboardEvent): void => {
+    if (event.key === "Escape") onOver(null);
+  };
+  return (
+    // Escape is Cancel.
+    // eslint-disable-next-line jsx-a11y/no-noninteractive-element-interactions
+    <form
+      className="scene-tools go-here"
+      data-testid="go-here-bar"
+      aria-label={t("goHere.bar", { robot })}
+      onKeyDown={onKeyDown}
+      onSubmit={(event) => {
+        event.preventDefault();
+        send();
+      }}
+    >
+      <PlaceList destination={destination} onDestination={onDestination} describedBy={problemId} />
+      <button type="button" className="button" data-testid="go-here-cancel" onClick={() => onOver(null)}>
+        {t("goHere.cancel")}
+      </button>
+      <button
+        type="submit"
+        className="button primary"
+        data-testid="go-here-go"
+        disabled={destination === null || whyNot !== null}
+      >
+        {t("goHere.go")}
+      </button>
+      {/* What is picked on the map is read out here. */}
+      <p className="sr-only" role="status">
+        {destination === null ? "" : words(destination)}
+      </p>
+      <p className="scene-problem" id={problemId} role="status">
+        {whyNot === null ? refused : t(`goHere.${whyNot}`, { robot })}
+      </p>
+    </form>
+  );
+}
+
+type Words = (destination: Destination) => string;
+
+function useWords(): Words {
+  const { t } = useTranslation();
+  return (destination) =>
+    "place" in destination
+      ? t("goHere.toPlace", destination)
+      : t("goHere.toPoint", { x: fixed(destination.x, 1), y: fixed(destination.y, 1) });
+}
+
+/** No place has this name. */
+const PICKED = "\n";
+
+interface PlaceListProps extends Pick<GoHereProps, "destination" | "onDestination"> {
+  describedBy: string;
+}
+
+/** What was picked, and every place there is, for those who do not point. */
+function PlaceList({ destination, onDestination, describedBy }: PlaceListProps) {
+  const { t, i18n } = useTranslation();
+  const words = useWords();
+  const list = useRef<HTMLSelectElement>(null);
+  const places = useStore((state) => state.abilities?.places);
+  const online = useStore((state) => state.link.status === "online");
+  useEffect(() => list.current?.focus(), []);
+  useEffect(() => {
+    if (online) void learnAbilities();
+  }, [online]);
+  const names = (places ?? [])
+    .map(({ name }) => name)
+    .sort(new Intl.Collator(i18n.language, { numeric: true }).compare);
+  const listed = destination !== null && "place" in destination && names.includes(destination.place);
+  const hint = t(window.matchMedia("(pointer: coarse)").matches ? "goHere.touch" : "goHere.click");
+  return (
+    <select
+      className="go-here-place"
+      data-testid="go-here-place"
+      ref={list}
+      aria-label={t("goHere.place")}
+      aria-describedby={describedBy}
+      data-chosen={destination !== null}
+      value={destination === null ? "" : listed ? destination.place : PICKED}
+      onChange={({ target }) => {
+        if (target.value !== PICKED) onDestination(target.value === "" ? null : { place: target.value });
+      }}
+    >
+      <option value="">{hint}</option>
+      {destination !== null && !listed && <option value={PICKED}>{words(destination)}</option>}
+      {names.map((place) => (
+        <option key={place} value={place}>
+          {words({ place })}
+        </option>
+      ))}
+    </select>
+  );
+}
