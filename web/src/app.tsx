@@ -1,7 +1,7 @@
 /** The page: who is not logged in sees the login, everybody else the dashboard or, at /kiosk, the kiosk. */
 import { lazy, Suspense } from "react";
 import { useTranslation } from "react-i18next";
-import { keyOf } from "./acp/connection/connection";
+import { identityOf } from "./acp/connection/connection";
 import { Crash } from "./components/shared/crash";
 import { LoginPage } from "./components/shared/login-page";
 import { isKiosk } from "./screen";
@@ -23,7 +23,7 @@ export function App() {
   return (
     <Crash>
       <Suspense fallback={<Wait />}>
-        <Screen key={keyOf(auth.me)} />
+        <Screen key={identityOf(auth.me)} />
       </Suspense>
     </Crash>
   );

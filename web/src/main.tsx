@@ -1,8 +1,8 @@
 /** Where the page begins. */
 import { createRoot } from "react-dom/client";
-import { begin } from "./acp/connection/connection";
+import { signInOnLoad } from "./acp/connection/connection";
 import { App } from "./app";
-import "./i18n";
+import { startPageLanguage } from "./i18n/page-language";
 import "./styles/tokens.css";
 import "./styles/base.css";
 import "./styles/layout.css";
@@ -16,11 +16,12 @@ import "./styles/camera.css";
 import "./styles/overlays.css";
 import "./styles/people.css";
 
+startPageLanguage();
 // Before anything is drawn: the token must not wait in the address until a slow machine has drawn the page.
-void begin();
+void signInOnLoad();
 // A login link that is opened in a tab where the page already is changes nothing but the fragment.
 window.addEventListener("hashchange", () => {
-  if (window.location.hash.includes("token=")) void begin();
+  if (window.location.hash.includes("token=")) void signInOnLoad();
 });
 
 const root = document.getElementById("root");

@@ -1,23 +1,24 @@
-/** Which questions nobody here has been called for yet. One that comes again after a cut is not new. */
-export interface Named {
+/** Remembers which questions a person has been called to, so that one that comes again after a cut is not announced twice. */
+export interface QuestionId {
   sessionId: string;
   toolCallId: string;
 }
 
-const KNOWN = 50;
+const REMEMBERED = 50;
 
-export class Calls {
-  /** The latest that somebody was called for, the newest last. */
-  private known: string[] = [];
+export class AnnouncedQuestions {
+  /** Names of the latest questions, the newest last. */
+  private names: string[] = [];
 
-  fresh<T extends Named>(questions: readonly T[]): T[] {
-    const found = questions.filter((question) => !this.known.includes(nameOf(question)));
-    this.known = [...this.known, ...found.map(nameOf)].slice(-KNOWN);
-    return found;
+  /** The questions that have not been announced yet; from now on they count as announced. */
+  takeNew<T extends QuestionId>(questions: readonly T[]): T[] {
+    const fresh = questions.filter((question) => !this.names.includes(questionName(question)));
+    this.names = [...this.names, ...fresh.map(questionName)].slice(-REMEMBERED);
+    return fresh;
   }
 }
 
-/** The same before and after a cut, and in every window that is open to it. */
-export function nameOf({ sessionId, toolCallId }: Named): string {
+/** The same before and after a lost connection, and in every window that shows the question. */
+export function questionName({ sessionId, toolCallId }: QuestionId): string {
   return `${sessionId} ${toolCallId}`;
 }

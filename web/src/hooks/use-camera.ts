@@ -1,6 +1,6 @@
 /** The camera's pictures, for components: the stream is open only while somebody looks. */
 import { useEffect, useRef, useState } from "react";
-import { KeptSocket } from "../scene/reconnecting-socket";
+import { ReconnectingSocket } from "../scene/reconnecting-socket";
 import { LatestPicture } from "../scene/latest-picture";
 import { useStore } from "../state/store";
 
@@ -18,7 +18,7 @@ export interface Camera {
 export function useCamera(looking: boolean): Camera {
   const [state, setState] = useState<Camera["state"]>("connecting");
   const [url, setUrl] = useState<string | null>(null);
-  const socket = useRef<KeptSocket | null>(null);
+  const socket = useRef<ReconnectingSocket | null>(null);
   const pictures = useRef<LatestPicture | null>(null);
   const reachable = useStore((all) => all.reachable);
 
@@ -31,12 +31,12 @@ export function useCamera(looking: boolean): Camera {
       setState("none");
     };
     let timer = setTimeout(old, OLD_MS);
-    const stream = new KeptSocket("/camera", {
+    const stream = new ReconnectingSocket("/camera", {
       onMessage: (data) => {
         if (!(data instanceof Blob)) return;
         clearTimeout(timer);
         timer = setTimeout(old, OLD_MS);
-        latest.take(data);
+        latest.receive(data);
         setState("live");
       },
     });
@@ -55,5 +55,5 @@ export function useCamera(looking: boolean): Camera {
     if (!reachable) socket.current?.drop();
   }, [reachable]);
 
-  return { state, url, settled: () => pictures.current?.settled() };
+  return { state, url, settled: () => pictures.current?.decoded() };
 }

@@ -2,9 +2,9 @@
 import { canPrompt } from "../state/rights";
 import { conversationOf, useMe, useStore } from "../state/store";
 
-export type WhyNot = "viewer" | "disconnected" | "opening" | "running";
+export type PromptObstacle = "viewer" | "disconnected" | "opening" | "running";
 
-export function useWhyNot(): WhyNot | null {
+export function usePromptObstacle(): PromptObstacle | null {
   const me = useMe();
   const online = useStore((state) => state.link.status === "online");
   const ready = useStore((state) => state.currentId !== null && state.attached.has(state.currentId));

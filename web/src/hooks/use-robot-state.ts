@@ -5,8 +5,8 @@ import { useStore } from "../state/store";
 
 export function useRobotState(): RobotState {
   return useStore(
-    useShallow(({ telemetry, link, health, heardUntil, stop }) =>
-      robotState(telemetry, link, health, heardUntil, stop?.by ?? null),
+    useShallow(({ telemetry, link, health, silentSince, stop }) =>
+      robotState(telemetry, link, health, silentSince, stop?.by ?? null),
     ),
   );
 }

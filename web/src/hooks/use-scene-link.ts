@@ -1,10 +1,11 @@
 /** The control socket of the scene, for components: opened with the map, ended with it. */
 import { useCallback, useEffect, useRef, useState } from "react";
-import { newViewer, SceneLink, type Picked, type ShownView, type View } from "../scene/scene-link";
+import { newViewerId, SceneLink } from "../scene/scene-link";
 import { useStore } from "../state/store";
+import type { PickedPoint, ShownView, View } from "../wire/scene";
 
 /** The one viewer that this page is, however often it connects. */
-export const VIEWER = newViewer();
+export const VIEWER = newViewerId();
 
 export interface SceneControl {
   /** Where the camera stands; null while nobody knows. */
@@ -15,7 +16,7 @@ export interface SceneControl {
 
 /** `onPicked` and `onRefused` have to stay the same functions. */
 export function useSceneLink(
-  onPicked: (picked: Picked) => void,
+  onPicked: (picked: PickedPoint) => void,
   onRefused: (sentence: string) => void,
 ): SceneControl {
   const link = useRef<SceneLink | null>(null);

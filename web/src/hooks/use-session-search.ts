@@ -5,7 +5,7 @@ import { useStore } from "../state/store";
 
 const PAUSE_MS = 250;
 
-export function useSearch(): [words: string, setWords: (words: string) => void] {
+export function useSessionSearch(): [words: string, setWords: (words: string) => void] {
   const [words, setWords] = useState("");
   const online = useStore((state) => state.link.status === "online");
   useEffect(() => {

@@ -1,22 +1,22 @@
 /** What is known is said in the reader's language; what is not, or only looks like it, stays as it came. */
 import { afterEach, beforeEach, describe, expect, it } from "vitest";
 import i18next from ".";
-import { argumentWords, callWords, modeName, modeWords, settingName, toolWords } from "./agent-terms";
+import { argumentName, callText, modeName, translateMode, settingName, toolText } from "./agent-terms";
 
 const drive = { tool: "navigate_to_place", input: { place: "lab 2.3.7" }, title: "Drive to lab 2.3.7" };
 const OBSERVE = "Looks and answers; nothing moves, nothing is said aloud.";
 
 describe("in English", () => {
   it("says what the robot's own titles say", () => {
-    expect(callWords(drive)).toBe("Drive to lab 2.3.7");
-    expect(toolWords("speak", "Say something aloud")).toBe("Say something aloud");
+    expect(callText(drive)).toBe("Drive to lab 2.3.7");
+    expect(toolText("speak", "Say something aloud")).toBe("Say something aloud");
   });
 
   it("never gives a call of another robot's the name of one of ours", () => {
     const send = { tool: "speak", input: { text: "hi" }, title: "Send as a message: “hi”" };
-    expect(callWords(send)).toBe("Send as a message: “hi”");
-    expect(callWords({ ...drive, title: "Drive to lab 2.3.9" })).toBe("Drive to lab 2.3.9");
-    expect(toolWords("speak", "Send as a message")).toBe("Send as a message");
+    expect(callText(send)).toBe("Send as a message: “hi”");
+    expect(callText({ ...drive, title: "Drive to lab 2.3.9" })).toBe("Drive to lab 2.3.9");
+    expect(toolText("speak", "Send as a message")).toBe("Send as a message");
     expect(settingName("mode", "Gearbox")).toBe("Gearbox");
   });
 });
@@ -30,57 +30,55 @@ describe("in Spanish", () => {
   });
 
   it("says what a known call does, with its arguments as they are", () => {
-    expect(callWords(drive)).toBe("Ir a lab 2.3.7");
+    expect(callText(drive)).toBe("Ir a lab 2.3.7");
     const said = "Costs $t(mode.plan) and {{text}} & <b>";
-    expect(callWords({ tool: "speak", input: { text: said }, title: `Say aloud: “${said}”` })).toBe(
+    expect(callText({ tool: "speak", input: { text: said }, title: `Say aloud: “${said}”` })).toBe(
       `Decir en voz alta: «${said}»`,
     );
-    expect(toolWords("speak", "Say something aloud")).toBe("Decir algo en voz alta");
+    expect(toolText("speak", "Say something aloud")).toBe("Decir algo en voz alta");
   });
 
   it.each(["Drive to (4.25, -3)", "Drive to (4.25, -3.0)"])(
     "reads a number as Python writes it: %s",
     (title) => {
       const call = { tool: "navigate_to_pose", input: { x: 4.25, y: -3 }, title };
-      expect(callWords(call)).toBe("Ir a (4.25; -3)");
+      expect(callText(call)).toBe("Ir a (4.25; -3)");
     },
   );
 
   it("leaves a call whose title says something else", () => {
-    expect(callWords({ ...drive, title: "Drive to lab 2.3.7 and back" })).toBe("Drive to lab 2.3.7 and back");
-    expect(toolWords("speak", "Send as a message")).toBe("Send as a message");
+    expect(callText({ ...drive, title: "Drive to lab 2.3.7 and back" })).toBe("Drive to lab 2.3.7 and back");
+    expect(toolText("speak", "Send as a message")).toBe("Send as a message");
   });
 
   it("leaves what is not known as it came", () => {
-    expect(callWords({ tool: "polish_floor", input: {}, title: "Polish the floor" })).toBe(
-      "Polish the floor",
-    );
-    expect(callWords({ tool: "guest__speak", input: { text: "hi" }, title: "guest: Speak" })).toBe(
+    expect(callText({ tool: "polish_floor", input: {}, title: "Polish the floor" })).toBe("Polish the floor");
+    expect(callText({ tool: "guest__speak", input: { text: "hi" }, title: "guest: Speak" })).toBe(
       "guest: Speak",
     );
-    expect(callWords({ tool: "constructor", input: {}, title: "Build" })).toBe("Build");
-    expect(callWords({ ...drive, tool: null })).toBe("Drive to lab 2.3.7");
-    expect(toolWords("polish_floor", "Polish the floor")).toBe("Polish the floor");
+    expect(callText({ tool: "constructor", input: {}, title: "Build" })).toBe("Build");
+    expect(callText({ ...drive, tool: null })).toBe("Drive to lab 2.3.7");
+    expect(toolText("polish_floor", "Polish the floor")).toBe("Polish the floor");
     expect(modeName("plan-mode")).toBe("plan-mode");
     expect(settingName("temperature", "Temperature")).toBe("Temperature");
   });
 
   it("leaves a call whose arguments are not what they should be", () => {
-    expect(callWords({ ...drive, input: { place: 7 } })).toBe("Drive to lab 2.3.7");
-    expect(callWords({ ...drive, input: undefined })).toBe("Drive to lab 2.3.7");
+    expect(callText({ ...drive, input: { place: 7 } })).toBe("Drive to lab 2.3.7");
+    expect(callText({ ...drive, input: undefined })).toBe("Drive to lab 2.3.7");
   });
 
   it("knows a mode by what it does, not by its name alone", () => {
     const observe = { value: "observe", name: "Observe", description: OBSERVE };
-    expect(modeWords(observe)).toMatchObject({ name: "Observar", value: "observe" });
-    expect(modeWords(observe).description).toContain("nada se mueve");
+    expect(translateMode(observe)).toMatchObject({ name: "Observar", value: "observe" });
+    expect(translateMode(observe).description).toContain("nada se mueve");
     const other = { value: "plan", name: "Plan", description: "Writes a plan, then edits files." };
-    expect(modeWords(other)).toEqual(other);
+    expect(translateMode(other)).toEqual(other);
   });
 
   it("names what a call is given", () => {
-    expect(argumentWords("plan_only")).toBe("solo calcular el camino");
-    expect(argumentWords("wax_type")).toBe("wax type");
+    expect(argumentName("plan_only")).toBe("solo calcular el camino");
+    expect(argumentName("wax_type")).toBe("wax type");
   });
 
   it("names modes and settings of the log", () => {

@@ -2,9 +2,9 @@
  * What agent and robot call by a known name, in the reader's language: tools, modes, settings. Whatever is not known
  * here, or is not what it should be, stays as it came; no free text is ever read to guess what it means.
  */
-import { isRecord } from "../wire/meta";
 import en from "./locales/en";
 import i18next from "./index";
+import { isRecord } from "../wire/fields";
 
 export interface Choice {
   value: string;
@@ -42,25 +42,25 @@ function knows<Texts extends object>(
 }
 
 /** What a call does. Its arguments stand in it as they are: who decides must be able to compare. */
-export function callWords(call: Call): string {
+export function callText(call: Call): string {
   const known = knownCall(call);
   return known === null ? call.title : i18next.t(`toolCall.${known.tool}`, known.values);
 }
 
 /** What in those words is not the page's: the title that came, or what is to be said aloud. */
-export function othersWords(call: Call): string {
+export function untranslatedPart(call: Call): string {
   const known = knownCall(call);
   if (known === null) return call.title;
   return known.tool === "speak" ? String(known.values["text"]) : "";
 }
 
 /** Whether these are words of the robot server that we know, so that what it says of the call is English. */
-export function isKnown(call: Call): boolean {
+export function isKnownCall(call: Call): boolean {
   return knownCall(call) !== null;
 }
 
 /** The names of the arguments that stand in our words for a call; null where it keeps the title that came. */
-export function argumentsTold(call: Call): string[] | null {
+export function translatedArguments(call: Call): string[] | null {
   const known = knownCall(call);
   return known && Object.keys(known.values);
 }
@@ -76,12 +76,12 @@ function knownCall({ tool, input, title }: Call): { tool: keyof typeof en.toolCa
 function titlesOf(tool: keyof typeof en.toolCall, values: Values): string[] {
   let written: Values[] = [{}];
   for (const [name, value] of Object.entries(values))
-    written = written.flatMap((others) => formsOf(value).map((form) => ({ ...others, [name]: form })));
+    written = written.flatMap((others) => writtenForms(value).map((form) => ({ ...others, [name]: form })));
   return written.map((forms) => i18next.t(`toolCall.${tool}`, { ...forms, lng: "en" }));
 }
 
 /** How a title writes an argument: Python writes 3.0 where JSON has 3. */
-export function formsOf(value: unknown): string[] {
+export function writtenForms(value: unknown): string[] {
   if (typeof value === "string") return value === "" ? [] : [value];
   if (typeof value !== "number") return [];
   return Number.isInteger(value) ? [`${value}.0`, String(value)] : [String(value)];
@@ -99,22 +99,22 @@ function valuesOf(wanted: Record<string, Kind>, input: unknown): Values | null {
 }
 
 /** What an argument is called, or another piece of data. */
-export function argumentWords(key: string): string {
+export function argumentName(key: string): string {
   return knows(en.argument, key) ? i18next.t(`argument.${key}`) : key.replaceAll("_", " ");
 }
 
 /** What a tool does, whatever its arguments. */
-export function toolWords(tool: string | null, title: string): string {
+export function toolText(tool: string | null, title: string): string {
   return knows(en.tools, tool) && title === en.tools[tool] ? i18next.t(`tools.${tool}`) : title;
 }
 
 /** What in those words is not the page's. */
-export function othersTitle(tool: string | null, title: string): string {
+export function untranslatedTitle(tool: string | null, title: string): string {
   return knows(en.tools, tool) && title === en.tools[tool] ? "" : title;
 }
 
 /** Another agent's mode may have the same name and mean something else: its text must be the one that is known. */
-export function modeWords({ value, name, description }: Choice): Choice {
+export function translateMode({ value, name, description }: Choice): Choice {
   if (!knows(en.mode, value) || name !== en.mode[value] || description !== en.modeText[value])
     return { value, name, description };
   return { value, name: i18next.t(`mode.${value}`), description: i18next.t(`modeText.${value}`) };

@@ -1,13 +1,13 @@
 /** What the next visitor sees first. */
 import { useTranslation } from "react-i18next";
 import { robotName, useStore } from "../state/store";
-import { useDoing, useDoingWords } from "./answer/use-robot-activity";
+import { useRobotActivity, useActivityText } from "./answer/use-robot-activity";
 
 export function Greeting() {
   const { t } = useTranslation();
   const robot = useStore(robotName);
-  const doing = useDoing();
-  const words = useDoingWords(doing);
+  const doing = useRobotActivity();
+  const words = useActivityText(doing);
   return (
     <div className="kiosk-greeting">
       <h1>{t("kiosk.hello", { robot })}</h1>

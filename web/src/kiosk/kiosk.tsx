@@ -2,9 +2,8 @@
 import { useCallback, useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { stopRobot } from "../acp/connection/connection";
-import { ask, endVisit, startKiosk } from "../acp/screens/kiosk-visit";
+import { sendRequest, endVisit, startKiosk } from "../acp/screens/kiosk-visit";
 import { StopButton } from "../components/shared/stop-button";
-import { firstLanguage, speak } from "../i18n";
 import { canPrompt } from "../state/rights";
 import { conversationOf, robotName, setState, useMe, useStore } from "../state/store";
 import { AskBar } from "./ask/ask-bar";
@@ -17,8 +16,9 @@ import { kioskSettings } from "./settings";
 import { StillThere } from "./idle/still-there";
 import { Suggestions } from "./ask/suggestion-list";
 import { TopLine } from "./top-line";
-import { useRest } from "./idle/use-idle-timer";
+import { useIdleTimer } from "./idle/use-idle-timer";
 import { isOutdated } from "./version";
+import { initialLanguage, setLanguage } from "../i18n/page-language";
 
 const SETTINGS = kioskSettings(window.location.search);
 
@@ -44,7 +44,7 @@ export default function Kiosk() {
     setText("");
     setFailed(false);
     setState({ stopError: null });
-    speak(firstLanguage());
+    setLanguage(initialLanguage());
   }, []);
   const nobodyThere = useCallback(() => {
     startOver();
@@ -53,14 +53,14 @@ export default function Kiosk() {
     });
   }, [startOver]);
   // Without a connection nobody knows what runs, and the visitor's words shall not stay for as long as it is gone.
-  const { endsAt, stay } = useRest(SETTINGS.restMs, running && online, nobodyThere);
-  const somethingToLose = visiting || text !== "" || i18n.language !== firstLanguage();
+  const { endsAt, stay } = useIdleTimer(SETTINGS.idleMs, running && online, nobodyThere);
+  const somethingToLose = visiting || text !== "" || i18n.language !== initialLanguage();
 
   const want = (wish: string): void => {
     setText("");
     setFailed(false);
     // A refusal of the prompt itself is part of the conversation; this is one of the session.
-    ask(wish, me.name).catch(() => setFailed(true));
+    sendRequest(wish, me.name).catch(() => setFailed(true));
   };
 
   return (

@@ -9,7 +9,7 @@ export function Notices({ onStopAgain }: { onStopAgain: () => void }) {
   const me = useMe();
   const robot = useStore(robotName);
   const stop = useStore((state) => state.stop);
-  const heard = useStore((state) => state.heardUntil === null);
+  const heard = useStore((state) => state.silentSince === null);
   const failed = useStore((state) => state.stopError !== null);
   if (failed) {
     return (

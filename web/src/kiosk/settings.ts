@@ -6,7 +6,7 @@ const LONGEST_S = 600;
 
 export interface KioskSettings {
   /** ms without a touch after which it starts over. */
-  restMs: number;
+  idleMs: number;
   /** Whether the microphone may be used: the browser may send what it hears to its maker. */
   voice: boolean;
   map: boolean;
@@ -16,5 +16,5 @@ export function kioskSettings(query: string): KioskSettings {
   const given = new URLSearchParams(query);
   const rest = Number(given.get("rest") ?? "");
   const seconds = rest > 0 ? Math.min(LONGEST_S, Math.max(SHORTEST_S, rest)) : REST_S;
-  return { restMs: seconds * 1000, voice: given.get("voice") === "on", map: given.get("map") !== "off" };
+  return { idleMs: seconds * 1000, voice: given.get("voice") === "on", map: given.get("map") !== "off" };
 }

@@ -2,8 +2,9 @@
 import { RotateCcw } from "lucide-react";
 import { useTranslation } from "react-i18next";
 import { Mark } from "../components/shared/mark";
-import { LANGUAGES, speak } from "../i18n";
+import { LANGUAGES } from "../i18n";
 import { robotName, useMe, useStore } from "../state/store";
+import { setLanguage } from "../i18n/page-language";
 
 export function TopLine({ onStartOver }: { onStartOver: (() => void) | null }) {
   const { t } = useTranslation();
@@ -41,7 +42,7 @@ function LanguageSwitch() {
           lang={code}
           data-testid={`language-${code}`}
           aria-pressed={i18n.language === code}
-          onClick={() => speak(code)}
+          onClick={() => setLanguage(code)}
         >
           {name}
         </button>

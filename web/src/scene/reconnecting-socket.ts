@@ -1,20 +1,20 @@
 /**
- * A WebSocket beside ACP that is kept up: opened again with growing pauses until somebody ends it. What its messages
- * mean is not decided here, and nothing that is sent while it is away is kept.
+ * A WebSocket beside ACP that is opened again with growing pauses until somebody ends it. What its messages mean is not
+ * decided here, and what is sent while it is closed is dropped.
  */
 import { backoff } from "../wire/backoff";
 
 export interface SocketEvents {
   onOpen?: () => void;
   onMessage: (data: unknown) => void;
-  /** It is gone or never came to be; another attempt follows. */
+  /** The socket closed or never opened; another attempt follows. */
   onLost?: () => void;
 }
 
-export class KeptSocket {
+export class ReconnectingSocket {
   /** Null between attempts, and for good once it has been ended. */
   private socket: WebSocket | null = null;
-  private again: ReturnType<typeof setTimeout> | undefined;
+  private retryTimer: ReturnType<typeof setTimeout> | undefined;
   private attempt = 0;
 
   constructor(
@@ -25,17 +25,17 @@ export class KeptSocket {
   }
 
   end(): void {
-    clearTimeout(this.again);
+    clearTimeout(this.retryTimer);
     const { socket } = this;
     this.socket = null;
     socket?.close();
   }
 
-  /** Give up a connection that seems dead; the next attempt follows. */
+  /** Gives up a connection that seems dead; the next attempt follows. */
   drop(): void {
     const { socket } = this;
     if (socket === null) return;
-    socket.close(); // its closing can take a minute when nobody is there
+    socket.close(); // closing can take a minute when the other end does not answer
     this.lost();
   }
 
@@ -48,23 +48,23 @@ export class KeptSocket {
     url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
     const socket = new WebSocket(url);
     this.socket = socket;
-    const current = (): boolean => this.socket === socket;
+    const isCurrent = (): boolean => this.socket === socket;
     socket.onopen = () => {
-      if (current()) this.events.onOpen?.();
+      if (isCurrent()) this.events.onOpen?.();
     };
     socket.onmessage = ({ data }: MessageEvent<unknown>) => {
-      if (!current()) return;
-      this.attempt = 0; // only now: a server that lets in and throws out at once must not be pestered
+      if (!isCurrent()) return;
+      this.attempt = 0; // not at `onopen`: a server that accepts and closes at once must not be pestered
       this.events.onMessage(data);
     };
     socket.onclose = () => {
-      if (current()) this.lost();
+      if (isCurrent()) this.lost();
     };
   }
 
   private lost(): void {
     this.socket = null;
-    this.again = setTimeout(() => this.open(), backoff(this.attempt++, Math.random()));
+    this.retryTimer = setTimeout(() => this.open(), backoff(this.attempt++, Math.random()));
     this.events.onLost?.();
   }
 }

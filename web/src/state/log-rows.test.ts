@@ -1,14 +1,15 @@
 /** The rows of the log: what they say, what is found, and that they are small. */
 import type { SessionUpdate } from "@agentclientprotocol/sdk";
 import { describe, expect, it } from "vitest";
-import type { Event } from "../acp/events/event-feed";
-import { FILTERS, fileName, matching, rowOf, type Filter, type Kind, type Titles } from "./log-rows";
+import type { NumberedEvent } from "../wire/event";
+import { FILTERS, fileName, filterRows, rowOf, type Filter, type Kind, type Titles } from "./log-rows";
+import { META } from "../wire/meta";
 
 const said = (text: string): SessionUpdate => ({
   sessionUpdate: "agent_message_chunk",
   content: { type: "text", text },
 });
-const event = (seq: number, update: SessionUpdate = said(`words ${seq}`)): Event => ({
+const event = (seq: number, update: SessionUpdate = said(`words ${seq}`)): NumberedEvent => ({
   seq,
   at: seq,
   update,
@@ -28,15 +29,16 @@ describe("a row", () => {
       row({
         sessionUpdate: "user_message_chunk",
         content: { type: "text", text: "go" },
-        _meta: { "robot-acp/by": "Ana" },
+        _meta: { [META.by]: "Ana" },
       }),
     ).toEqual(["asked", "Ana: go"]);
     expect(row({ ...announced, status: "pending" })).toEqual(["tool", "Say hello"]);
-    expect(
-      row({ ...call, status: "pending", _meta: { "robot-acp/waiting": { for: "permission" } } }),
-    ).toEqual(["question", "Say hello"]);
+    expect(row({ ...call, status: "pending", _meta: { [META.waiting]: { for: "permission" } } })).toEqual([
+      "question",
+      "Say hello",
+    ]);
     const decision = { by: "Ben", option: "allow_once", reason: "selected" };
-    expect(row({ ...call, status: "in_progress", _meta: { "robot-acp/decision": decision } })).toEqual([
+    expect(row({ ...call, status: "in_progress", _meta: { [META.decision]: decision } })).toEqual([
       "allowed",
       "Ben: Say hello",
     ]);
@@ -44,7 +46,7 @@ describe("a row", () => {
       row({
         ...call,
         status: "failed",
-        _meta: { "robot-acp/decision": { ...decision, option: "reject_once" } },
+        _meta: { [META.decision]: { ...decision, option: "reject_once" } },
       }),
     ).toEqual(["refused", "Ben: Say hello"]);
     row(announced);
@@ -52,22 +54,22 @@ describe("a row", () => {
     expect(
       row({
         sessionUpdate: "session_info_update",
-        _meta: { "robot-acp/turn": { id: "t", state: "ended", stopReason: "end_turn" } },
+        _meta: { [META.turn]: { id: "t", state: "ended", stopReason: "end_turn" } },
       }),
     ).toEqual(["ended", "end_turn"]);
   });
 
   it("knows which of its words are not the page's", () => {
     const others = (update: SessionUpdate): string => {
-      const { text, othersAt } = rowOf(event(1, update), titles);
-      return text.slice(othersAt);
+      const { text, foreignFrom } = rowOf(event(1, update), titles);
+      return text.slice(foreignFrom);
     };
-    expect(others({ ...said("go  on"), _meta: { "robot-acp/by": "Ana" } })).toBe("go on");
+    expect(others({ ...said("go  on"), _meta: { [META.by]: "Ana" } })).toBe("go on");
     const asked = { ...said("go"), sessionUpdate: "user_message_chunk" } as SessionUpdate;
-    expect(others({ ...asked, _meta: { "robot-acp/by": "Ana  B." } })).toBe("go");
+    expect(others({ ...asked, _meta: { [META.by]: "Ana  B." } })).toBe("go");
     expect(others(announced)).toBe("Say hello");
     const drive = { title: "Drive to lab 1", rawInput: { place: "lab 1" } };
-    expect(others({ ...announced, ...drive, _meta: { "robot-acp/tool": "navigate_to_place" } })).toBe("");
+    expect(others({ ...announced, ...drive, _meta: { [META.tool]: "navigate_to_place" } })).toBe("");
     const wall = { type: "content" as const, content: { type: "text" as const, text: "In a wall." } };
     expect(others({ ...call, status: "failed", content: [wall] })).toBe("In a wall.");
     expect(others({ sessionUpdate: "session_info_update", title: "Tour" })).toBe("Tour");
@@ -80,7 +82,7 @@ describe("a row", () => {
     row(announced);
     row({ ...call, status: "failed" });
     row(announced);
-    row({ ...call, status: "failed", _meta: { "robot-acp/decision": decision } });
+    row({ ...call, status: "failed", _meta: { [META.decision]: decision } });
     expect(titles.size).toBe(0);
   });
 
@@ -100,7 +102,7 @@ it("finds by kind and by words, in any order", () => {
     ),
   ];
   const found = (kinds: Filter[], words: string): number[] =>
-    matching(rows, new Set(kinds), words, (kind) => (kind === "said" ? "Answered" : "Thought")).map(
+    filterRows(rows, new Set(kinds), words, (kind) => (kind === "said" ? "Answered" : "Thought")).map(
       ({ seq }) => seq,
     );
   const all = [...FILTERS];

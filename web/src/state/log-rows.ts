@@ -1,25 +1,27 @@
 /**
- * The events of a session as rows for people: what kind, and a line of text. A row is small, whatever its event holds,
- * and the log keeps at most `MOST` of them; the events themselves stay with the agent.
+ * The events of a session as rows for people: the kind of event, and a line of text. A row is small, whatever its event
+ * contains, and the log keeps at most `MAX_ROWS` of them; the events themselves stay with the agent.
  */
 import type { ContentBlock, ToolCallContent } from "@agentclientprotocol/sdk";
-import type { Event } from "../acp/events/event-feed";
+import type { NumberedEvent } from "../wire/event";
 import { authorOf, decisionOf, progressOf, toolOf, turnOf, waitingOf } from "../wire/meta";
-import { callWords, modeName, othersWords, settingName, type Call } from "../i18n/agent-terms";
+import { callText, modeName, untranslatedPart, settingName, type Call } from "../i18n/agent-terms";
 import { hasEnded } from "./conversation/conversation";
 
-export const MOST = 10_000;
-const LONGEST = 200;
+export const MAX_ROWS = 10_000;
+/** Characters of a row's text. */
+const MAX_TEXT = 200;
 
+/** Rows of a page. */
 export const PAGE = 100;
-/** The newest page grows so far while somebody reads in it. */
+/** The newest page grows up to so many rows while somebody reads in it. */
 export const LONGEST_PAGE = 500;
 
 export type Filter = "talk" | "thoughts" | "tools" | "permissions" | "system";
 
 export const FILTERS: readonly Filter[] = ["talk", "thoughts", "tools", "permissions", "system"];
 
-/** What happened, and where it belongs. */
+/** The kinds of rows, each with the filter that it belongs to. */
 export const KINDS = {
   asked: "talk",
   said: "talk",
@@ -51,86 +53,98 @@ export interface Row {
   at: number;
   kind: Kind;
   text: string;
-  /** Where what is not the page's begins in the text: it may be in any language. */
-  othersAt: number;
+  /** The index in `text` from which on the words are not the page's own: they may be in any language. */
+  foreignFrom: number;
 }
 
-type Said = Pick<Row, "text" | "othersAt">;
+type RowText = Pick<Row, "text" | "foreignFrom">;
 
-/** Titles of tool calls that have not ended, by their ids: what follows a call does not repeat its title. */
-export type Titles = Map<string, Said>;
+/** Titles of tool calls that have not ended, by their ids: the updates of a call do not repeat its title. */
+export type Titles = Map<string, RowText>;
 
-export function rowOf({ seq, at, update }: Event, titles: Titles): Row {
-  const [kind, { text, othersAt }] = told(update, titles);
+export function rowOf({ seq, at, update }: NumberedEvent, titles: Titles): Row {
+  const [kind, { text, foreignFrom }] = describe(update, titles);
   const ends = update.sessionUpdate === "tool_call_update" && hasEnded(update.status);
-  if (ends) titles.delete(update.toolCallId); // else a log that is looked at for days keeps those of every call
+  if (ends) titles.delete(update.toolCallId); // otherwise a log that is open for days keeps the title of every call
   const line = inOneLine(text).trim();
-  const short = line.length > LONGEST ? `${line.slice(0, LONGEST - 1)}…` : line;
-  const own = inOneLine(text.slice(0, othersAt)).trimStart();
-  return { seq, at, kind, text: short, othersAt: Math.min(own.length, short.length) };
+  const short = line.length > MAX_TEXT ? `${line.slice(0, MAX_TEXT - 1)}…` : line;
+  const own = inOneLine(text.slice(0, foreignFrom)).trimStart();
+  return { seq, at, kind, text: short, foreignFrom: Math.min(own.length, short.length) };
 }
 
-function told(update: Event["update"], titles: Titles): [Kind, Said] {
+function describe(update: NumberedEvent["update"], titles: Titles): [Kind, RowText] {
   switch (update.sessionUpdate) {
     case "user_message_chunk":
-      return ["asked", after(ours(authorOf(update._meta)), theirs(blockText(update.content)))];
+      return ["asked", joinTexts(pageText(authorOf(update._meta)), foreignText(blockText(update.content)))];
     case "agent_message_chunk":
-      return ["said", theirs(blockText(update.content))];
+      return ["said", foreignText(blockText(update.content))];
     case "agent_thought_chunk":
-      return ["thought", theirs(blockText(update.content))];
+      return ["thought", foreignText(blockText(update.content))];
     case "plan":
-      return ["plan", theirs(update.entries.map(({ content }) => content).join(" · "))];
+      return ["plan", foreignText(update.entries.map(({ content }) => content).join(" · "))];
     case "tool_call": {
       const title = titleOf({ tool: toolOf(update._meta), input: update.rawInput, title: update.title });
       titles.set(update.toolCallId, title);
       return [update.status === "in_progress" ? "begun" : "tool", title];
     }
     case "tool_call_update": {
-      const title = update.title != null ? theirs(update.title) : (titles.get(update.toolCallId) ?? ours(""));
-      const words = theirs(contentText(update.content ?? []));
+      const title =
+        update.title != null ? foreignText(update.title) : (titles.get(update.toolCallId) ?? pageText(""));
+      const words = foreignText(contentText(update.content ?? []));
       const decision = decisionOf(update._meta);
       if (decision !== null) {
         const allowed = decision.reason !== "timeout" && decision.option?.startsWith("allow") === true;
-        return [allowed ? "allowed" : "refused", after(ours(decision.by), title)];
+        return [allowed ? "allowed" : "refused", joinTexts(pageText(decision.by), title)];
       }
       const waiting = waitingOf(update._meta);
       if (waiting !== null) return [waiting === "robot" ? "queued" : "question", title];
-      if (progressOf(update._meta) !== null) return ["progress", after(title, words)];
+      if (progressOf(update._meta) !== null) return ["progress", joinTexts(title, words)];
       if (update.status === "completed") return ["done", title];
-      if (update.status === "failed") return ["failed", after(title, words)];
+      if (update.status === "failed") return ["failed", joinTexts(title, words)];
       return [update.status === "in_progress" ? "begun" : "tool", title];
     }
     case "current_mode_update":
-      return ["mode", ours(modeName(update.currentModeId))];
+      return ["mode", pageText(modeName(update.currentModeId))];
     case "config_option_update":
-      return ["settings", ours(update.configOptions.map(({ id, name }) => settingName(id, name)).join(", "))];
+      return [
+        "settings",
+        pageText(update.configOptions.map(({ id, name }) => settingName(id, name)).join(", ")),
+      ];
     case "session_info_update": {
       const turn = turnOf(update._meta);
-      if (turn?.state === "ended") return ["ended", ours(turn.stopReason ?? "")];
-      return typeof update.title === "string" ? ["named", theirs(update.title)] : ["forked", ours("")];
+      if (turn?.state === "ended") return ["ended", pageText(turn.stopReason ?? "")];
+      return typeof update.title === "string"
+        ? ["named", foreignText(update.title)]
+        : ["forked", pageText("")];
     }
     case "usage_update":
-      return ["usage", ours(`${update.used}${update.size > 0 ? ` / ${update.size}` : ""}`)];
+      return ["usage", pageText(`${update.used}${update.size > 0 ? ` / ${update.size}` : ""}`)];
     default:
-      return ["other", ours("")];
+      return ["other", pageText("")];
   }
 }
 
-const ours = (text: string | null): Said => ({ text: text ?? "", othersAt: text?.length ?? 0 });
-const theirs = (text: string): Said => ({ text, othersAt: 0 });
+/** Words of the page's own. */
+const pageText = (text: string | null): RowText => ({ text: text ?? "", foreignFrom: text?.length ?? 0 });
+/** Words of a person, a model or a tool. */
+const foreignText = (text: string): RowText => ({ text, foreignFrom: 0 });
 
-function titleOf(call: Call): Said {
-  const text = callWords(call);
-  const others = othersWords(call);
-  return { text, othersAt: others === "" ? text.length : text.lastIndexOf(others) };
+function titleOf(call: Call): RowText {
+  const text = callText(call);
+  const foreign = untranslatedPart(call);
+  return { text, foreignFrom: foreign === "" ? text.length : text.lastIndexOf(foreign) };
 }
 
-function after(first: Said, second: Said): Said {
+/** Both texts with a colon between them. */
+function joinTexts(first: RowText, second: RowText): RowText {
   if (first.text === "") return second;
   if (second.text === "") return first;
   const start = `${first.text}: `;
-  const mixed = first.othersAt < first.text.length;
-  return { text: start + second.text, othersAt: mixed ? first.othersAt : start.length + second.othersAt };
+  const mixed = first.foreignFrom < first.text.length;
+  return {
+    text: start + second.text,
+    foreignFrom: mixed ? first.foreignFrom : start.length + second.foreignFrom,
+  };
 }
 
 function inOneLine(text: string): string {
@@ -145,8 +159,8 @@ function contentText(content: ToolCallContent[]): string {
   return content.map((part) => (part.type === "content" ? blockText(part.content) : "")).join(" ");
 }
 
-/** The rows of these kinds in which all the words stand; `nameOf` is a kind in words. */
-export function matching(
+/** The rows of these filters that contain all the words; `nameOf` gives the kind in words. */
+export function filterRows(
   rows: readonly Row[],
   kinds: ReadonlySet<Filter>,
   words: string,
@@ -162,7 +176,7 @@ export function matching(
   });
 }
 
-/** The index at which a page begins: that of number `from`, or that of the newest page. */
+/** The index of the page's first row: the row of event number `from`, or the start of the newest page. */
 export function startOf(rows: readonly Row[], from: number | null): number {
   const newest = Math.max(0, rows.length - PAGE);
   if (from === null) return newest;
@@ -170,13 +184,13 @@ export function startOf(rows: readonly Row[], from: number | null): number {
   return found < 0 ? newest : found;
 }
 
-/** At most `length` rows, from number `from` on, or the newest ones. */
+/** At most `length` rows, from event number `from` on, or the newest ones. */
 export function pageOf(rows: readonly Row[], from: number | null, length: number): readonly Row[] {
   const start = startOf(rows, from);
   return rows.slice(start, start + length);
 }
 
-/** As in `sancho-2026-11-21-go-to-lab-2-3-7.jsonl`: plain letters, so that every system takes it. */
+/** As in `sancho-2026-11-21-go-to-lab-2-3-7.jsonl`: plain letters, so that every file system accepts it. */
 export function fileName(robot: string, title: string | null, sessionId: string, day: Date): string {
   const name = plain(title ?? "").slice(0, 40);
   const date = [day.getFullYear(), day.getMonth() + 1, day.getDate()].map((n) => String(n).padStart(2, "0"));

@@ -1,8 +1,8 @@
 /** What the robot is said to be doing. */
 import { describe, expect, it } from "vitest";
 import { parseTelemetry } from "../wire/telemetry";
-import type { LinkState } from "../acp/connection/link";
 import { robotState } from "./robot-state";
+import type { LinkState } from "../wire/link-state";
 
 const ONLINE: LinkState = { status: "online" };
 const REST = {

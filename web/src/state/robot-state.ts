@@ -1,7 +1,8 @@
-/** What the robot is doing, in one word of a fixed list: computed from all that is known, never stored. */
+/** What the robot is doing, as one of a fixed list of states: computed from the store, never stored. */
+import { isCutOff } from "../wire/link-state";
 import type { Telemetry } from "../wire/telemetry";
-import type { Health } from "../api/http";
-import type { LinkState } from "../acp/connection/link";
+import type { Health } from "../wire/bridge";
+import type { LinkState } from "../wire/link-state";
 
 export type RobotState =
   | { kind: "unknown" }
@@ -14,16 +15,18 @@ export type RobotState =
   | { kind: "charging" }
   | { kind: "ready" };
 
+/** m/s up to which the robot counts as standing. */
+const STANDING = 0.02;
+
 export function robotState(
   telemetry: Telemetry | null,
   link: LinkState,
   health: Health | null,
-  heardUntil: number | null,
+  silentSince: number | null,
   stoppedBy: string | null,
 ): RobotState {
-  // Before the stop: somebody may have released it, and nobody here would know.
-  if (heardUntil !== null || link.status === "waiting" || (link.status === "connecting" && !link.first))
-    return { kind: "unreachable" };
+  // Checked before the stop: somebody may have released it, and this page would not know.
+  if (silentSince !== null || isCutOff(link)) return { kind: "unreachable" };
   if (stoppedBy !== null) return { kind: "stopped", by: stoppedBy };
   if (health?.robot.up === false) return { kind: "unreachable" };
   if (link.status !== "online" || telemetry === null) return { kind: "unknown" };
@@ -33,6 +36,6 @@ export function robotState(
     return { kind: "driving", place: telemetry.motion.place };
   }
   if (telemetry.speaking !== null) return { kind: "speaking" };
-  if (Math.abs(telemetry.linear ?? 0) > 0.02) return { kind: "moving" };
+  if (Math.abs(telemetry.linear ?? 0) > STANDING) return { kind: "moving" };
   return telemetry.charging ? { kind: "charging" } : { kind: "ready" };
 }

@@ -1,11 +1,9 @@
-/** Where the robot can be sent and what its tools are, as the agent tells it in `_robot/abilities`. */
-import { setState } from "../state/store";
-import { asString, isRecord } from "./meta";
-import { theAgent } from "../acp/sessions/sessions";
+/** The places that the robot can drive to and the tools that it has, as the agent answers `_robot/abilities`. */
+import { asRecords, asString, isRecord } from "./fields";
 
 export interface Place {
   name: string;
-  /** "space", "docking", or what another robot calls it; null when it does not say. */
+  /** "space", "docking", or another robot's own word; null when the robot does not say. */
   type: string | null;
 }
 
@@ -13,36 +11,23 @@ export interface Abilities {
   places: Place[];
   /** Names of tools. */
   tools: string[];
-  /** What a tool does in words, by its name. */
+  /** A title for people, by the name of the tool. */
   titles: Record<string, string>;
 }
 
-/** Asks for them and keeps what is told. When nobody can tell, what was known stays. */
-export async function learnAbilities(): Promise<void> {
-  const peer = theAgent();
-  if (peer === null) return;
-  try {
-    setState({ abilities: parseAbilities(await peer.request("_robot/abilities", {})) });
-  } catch {
-    // The robot is away, or the agent another one that does not know this.
-  }
-}
-
+/** Entries without a name are left out. */
 export function parseAbilities(answer: unknown): Abilities {
-  const told = isRecord(answer) ? answer : {};
+  const abilities = isRecord(answer) ? answer : {};
+  const tools = asRecords(abilities["tools"]);
   return {
-    places: records(told["places"]).flatMap(({ name, type }) =>
+    places: asRecords(abilities["places"]).flatMap(({ name, type }) =>
       typeof name === "string" ? [{ name, type: asString(type) }] : [],
     ),
-    tools: records(told["tools"]).flatMap(({ name }) => (typeof name === "string" ? [name] : [])),
+    tools: tools.flatMap(({ name }) => (typeof name === "string" ? [name] : [])),
     titles: Object.fromEntries(
-      records(told["tools"]).flatMap(({ name, title }) =>
+      tools.flatMap(({ name, title }) =>
         typeof name === "string" && typeof title === "string" ? [[name, title]] : [],
       ),
     ),
   };
-}
-
-function records(value: unknown): Record<string, unknown>[] {
-  return Array.isArray(value) ? value.filter(isRecord) : [];
 }

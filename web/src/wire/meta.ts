@@ -1,8 +1,34 @@
 /**
- * Reads what robot-acp puts under `_meta` of ACP messages. Whatever comes from the wire is unknown until it has
- * passed through here; a field of the wrong shape counts as absent, never as an error.
+ * What robot-acp puts under `_meta` of ACP messages: the keys, each written here and nowhere else, and a reader for each.
+ * A field of the wrong shape counts as absent, never as an error.
  */
+import { asNumber, asString, isRecord } from "./fields";
 import { PHASES, type Phase, type Seconds } from "./phases";
+
+/** Explained in docs/extensions.md. */
+export const META = {
+  asker: "robot-acp/asker",
+  at: "robot-acp/at",
+  by: "robot-acp/by",
+  decision: "robot-acp/decision",
+  expires: "robot-acp/expires",
+  owner: "robot-acp/owner",
+  people: "robot-acp/people",
+  phase: "robot-acp/phase",
+  phases: "robot-acp/phases",
+  preview: "robot-acp/preview",
+  progress: "robot-acp/progress",
+  remembered: "robot-acp/remembered",
+  search: "robot-acp/search",
+  seq: "robot-acp/seq",
+  subject: "robot-acp/subject",
+  takenOver: "robot-acp/taken_over",
+  telemetry: "robot-acp/telemetry",
+  timeoutS: "robot-acp/timeout_s",
+  tool: "robot-acp/tool",
+  turn: "robot-acp/turn",
+  waiting: "robot-acp/waiting",
+} as const;
 
 export type Meta = Record<string, unknown> | null | undefined;
 
@@ -24,7 +50,7 @@ export interface Decision {
   reason: string;
 }
 
-/** What a call would do; a length in m and a time in s where the robot tells them. */
+/** What a call would do; a length in m and a time in s where the robot computed them. */
 export interface Preview {
   pathLength: number | null;
   seconds: number | null;
@@ -32,50 +58,56 @@ export interface Preview {
 
 export type Waiting = "permission" | "robot";
 
-export function isRecord(value: unknown): value is Record<string, unknown> {
-  return typeof value === "object" && value !== null && !Array.isArray(value);
+/** The limits of a permission request, beside what ACP itself says of it. */
+export interface RequestMark {
+  /** Who asked for what the call does. */
+  asker: string | null;
+  /** What an answer for the whole session would count for, in words. */
+  subject: string | null;
+  /** When the request ends, in ms by the agent's clock. */
+  expires: number | null;
+  /** How long the request is open to answers in all, in s. */
+  timeoutS: number | null;
 }
 
-export function asString(value: unknown): string | null {
-  return typeof value === "string" ? value : null;
-}
-
-export function asNumber(value: unknown): number | null {
-  return typeof value === "number" && Number.isFinite(value) ? value : null;
-}
-
+/** The number of an event within its session. */
 export function seqOf(meta: Meta): number | null {
-  return asNumber(meta?.["robot-acp/seq"]);
+  return asNumber(meta?.[META.seq]);
 }
 
 /** When the event was recorded, in Unix seconds by the agent's clock. */
 export function atOf(meta: Meta): number | null {
-  return asNumber(meta?.["robot-acp/at"]);
+  return asNumber(meta?.[META.at]);
 }
 
 export function authorOf(meta: Meta): string | null {
-  return asString(meta?.["robot-acp/by"]);
+  return asString(meta?.[META.by]);
 }
 
-/** Who took the robot away from the turn that says so; null when it says anything else. */
+/** Whose session it is; null when the agent does not say. */
+export function ownerOf(meta: Meta): string | null {
+  return asString(meta?.[META.owner]);
+}
+
+/** Who took control of the robot from the turn whose message this is; null when the message reports nothing of the kind. */
 export function takenOverBy(meta: Meta): string | null {
-  const taken = meta?.["robot-acp/taken_over"];
-  return isRecord(taken) ? asString(taken["by"]) : null;
+  const takenOver = meta?.[META.takenOver];
+  return isRecord(takenOver) ? asString(takenOver["by"]) : null;
 }
 
 export function toolOf(meta: Meta): string | null {
-  return asString(meta?.["robot-acp/tool"]);
+  return asString(meta?.[META.tool]);
 }
 
 export function turnOf(meta: Meta): TurnMark | null {
-  const turn = meta?.["robot-acp/turn"];
+  const turn = meta?.[META.turn];
   if (!isRecord(turn) || (turn["state"] !== "running" && turn["state"] !== "ended")) return null;
   const stopReason = asString(turn["stopReason"]);
   return { id: asString(turn["id"]), state: turn["state"], ...(stopReason === null ? {} : { stopReason }) };
 }
 
 export function progressOf(meta: Meta): Progress | null {
-  const progress = meta?.["robot-acp/progress"];
+  const progress = meta?.[META.progress];
   if (!isRecord(progress)) return null;
   const fraction = asNumber(progress["fraction"]);
   return {
@@ -84,44 +116,54 @@ export function progressOf(meta: Meta): Progress | null {
   };
 }
 
-/** What a call that is pending waits for; null when it waits for nothing that the agent names. */
+/** What a pending call waits for; null when it waits for nothing that the agent names. */
 export function waitingOf(meta: Meta): Waiting | null {
-  const waiting = meta?.["robot-acp/waiting"];
+  const waiting = meta?.[META.waiting];
   const reason = isRecord(waiting) ? waiting["for"] : null;
   return reason === "permission" || reason === "robot" ? reason : null;
 }
 
-/** The way that was computed for a question; null when none was. */
+export function requestMarkOf(meta: Meta): RequestMark {
+  const expires = Date.parse(asString(meta?.[META.expires]) ?? "");
+  return {
+    asker: asString(meta?.[META.asker]),
+    subject: asString(meta?.[META.subject]),
+    expires: Number.isNaN(expires) ? null : expires,
+    timeoutS: asNumber(meta?.[META.timeoutS]),
+  };
+}
+
+/** The path that was computed for a permission request; null when none was. */
 export function previewOf(meta: Meta): Preview | null {
-  const preview = meta?.["robot-acp/preview"];
+  const preview = meta?.[META.preview];
   if (!isRecord(preview)) return null;
   return { pathLength: asNumber(preview["path_length"]), seconds: asNumber(preview["seconds"]) };
 }
 
-/** Tool name to whether it is allowed; null when the answer does not say. */
+/** Whether each tool with a remembered answer is allowed, by the tool's name; null when the message does not say. */
 export function rememberedOf(meta: Meta): Record<string, boolean> | null {
-  const remembered = meta?.["robot-acp/remembered"];
+  const remembered = meta?.[META.remembered];
   if (!isRecord(remembered)) return null;
   return Object.fromEntries(
     Object.entries(remembered).filter((entry): entry is [string, boolean] => typeof entry[1] === "boolean"),
   );
 }
 
-/** What the time of a tool call counts as. */
+/** The phase that the time of a tool call counts towards. */
 export function phaseOf(meta: Meta): Phase | null {
-  return PHASES.find((phase) => phase === meta?.["robot-acp/phase"]) ?? null;
+  return PHASES.find((phase) => phase === meta?.[META.phase]) ?? null;
 }
 
 /** What a turn took, in s by phase. */
 export function phasesOf(meta: Meta): Seconds | null {
-  const phases = meta?.["robot-acp/phases"];
+  const phases = meta?.[META.phases];
   if (!isRecord(phases) || asNumber(phases["total"]) === null) return null;
-  const told = [...PHASES, "total"].map((phase) => [phase, Math.max(0, asNumber(phases[phase]) ?? 0)]);
-  return Object.fromEntries(told) as Seconds;
+  const seconds = [...PHASES, "total"].map((phase) => [phase, Math.max(0, asNumber(phases[phase]) ?? 0)]);
+  return Object.fromEntries(seconds) as Seconds;
 }
 
 export function decisionOf(meta: Meta): Decision | null {
-  const decision = meta?.["robot-acp/decision"];
+  const decision = meta?.[META.decision];
   if (!isRecord(decision)) return null;
   return {
     by: asString(decision["by"]),

@@ -1,6 +1,6 @@
 /** The phases of a turn, by the names that the agent gives them (docs/extensions.md). */
 
-/** In the order in which they are told. */
+/** In the order in which tables list them. */
 export const PHASES = [
   "thought",
   "inference",

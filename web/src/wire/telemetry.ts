@@ -1,9 +1,10 @@
 /**
- * The robot's small, slow state as the agent sends it in `_robot/telemetry`. Parsed once here; a message that
- * cannot be read counts as "robot not reachable", so that a screen never shows a number that nobody sent.
+ * The robot's state as the agent sends it in `_robot/telemetry`, five times a second. A message that cannot be read
+ * counts as "robot not reachable", so that a screen never shows a number that nobody sent.
  */
 import type { InitializeResponse } from "@agentclientprotocol/sdk";
-import { asNumber, asString, isRecord } from "./meta";
+import { asNumber, asRecords, asString, isRecord } from "./fields";
+import { METHODS } from "./methods";
 
 export interface Pose {
   /** m in the map frame. */
@@ -17,7 +18,7 @@ export interface Motion {
   kind: string;
   goal: Pose | null;
   place: string | null;
-  /** m and s that are left. */
+  /** What is left of the way, in m, and of the time, in s; null where the robot does not say. */
   distance: number | null;
   seconds: number | null;
 }
@@ -28,7 +29,7 @@ export interface Stop {
   at: number;
 }
 
-/** A motion that ended by itself for safety's sake. */
+/** The robot ended a motion by itself, for safety. */
 export interface Halt {
   code: string;
   text: string;
@@ -36,7 +37,7 @@ export interface Halt {
   at: number;
 }
 
-/** A session whose turn wants to act, and who asked for it. */
+/** A session whose turn controls the robot or waits for it, and the person who asked. */
 export interface Claim {
   sessionId: string;
   by: string;
@@ -52,17 +53,17 @@ export interface Telemetry {
   /** From 0 to 1. */
   battery: number | null;
   charging: boolean;
-  /** The level below which only a dock can be driven to; null where nobody says. */
+  /** The level below which the robot drives to a dock only; null where nobody says. */
   batteryFloor: number | null;
   motion: Motion | null;
   stop: Stop | null;
   speaking: string | null;
   halted: Halt | null;
-  /** Whose turn controls the robot, and who is in line for it. */
+  /** The turn that controls the robot, and those that wait for it, the next one first. Null while nobody controls it. */
   turn: (Claim & { waiting?: Claim[] }) | null;
 }
 
-const SILENT: Telemetry = {
+const UNREACHABLE: Telemetry = {
   robot: null,
   online: false,
   pose: null,
@@ -116,7 +117,7 @@ function parseHalt(value: unknown): Halt | null {
 export function parseTelemetry(params: unknown): Telemetry {
   if (!isRecord(params) || params["online"] !== true) {
     const turn = isRecord(params) ? parseTurn(params["turn"]) : null;
-    return { ...SILENT, robot: isRecord(params) ? asString(params["robot"]) : null, turn };
+    return { ...UNREACHABLE, robot: isRecord(params) ? asString(params["robot"]) : null, turn };
   }
   const twist = isRecord(params["twist"]) ? params["twist"] : {};
   const battery = isRecord(params["battery"]) ? params["battery"] : {};
@@ -139,8 +140,8 @@ export function parseTelemetry(params: unknown): Telemetry {
 
 function parseTurn(value: unknown): Telemetry["turn"] {
   const claim = parseClaim(value);
-  const waiting = isRecord(value) && Array.isArray(value["waiting"]) ? value["waiting"] : [];
-  return claim && { ...claim, waiting: waiting.flatMap((one) => parseClaim(one) ?? []) };
+  const waiting = asRecords(isRecord(value) ? value["waiting"] : null);
+  return claim && { ...claim, waiting: waiting.flatMap((entry) => parseClaim(entry) ?? []) };
 }
 
 function parseClaim(value: unknown): Claim | null {
@@ -149,9 +150,9 @@ function parseClaim(value: unknown): Claim | null {
   return sessionId === null ? null : { sessionId, by: asString(value["by"]) ?? "" };
 }
 
-/** Whether an agent says that it tells of the robot. */
-export function tellsOfRobot({ agentCapabilities }: InitializeResponse): boolean {
+/** Whether the agent says that it sends telemetry. */
+export function announcesTelemetry({ agentCapabilities }: InitializeResponse): boolean {
   const about = agentCapabilities?._meta?.["robot-acp"];
   const extensions = isRecord(about) ? about["extensions"] : null;
-  return Array.isArray(extensions) && extensions.includes("_robot/telemetry");
+  return Array.isArray(extensions) && extensions.includes(METHODS.telemetry);
 }

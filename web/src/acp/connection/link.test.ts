@@ -1,7 +1,8 @@
 /** The connection as the page lives with it: made, lost, made again. Real SDK on both ends, the socket in memory. */
 import { agent, methods, PROTOCOL_VERSION, type AnyMessage } from "@agentclientprotocol/sdk";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
-import { Link, type LinkEvents, type LinkState } from "./link";
+import { Link, type LinkEvents } from "./link";
+import type { LinkState } from "../../wire/link-state";
 
 class FakeSocket extends EventTarget {
   static all: FakeSocket[] = [];

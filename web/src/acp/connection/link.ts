@@ -1,5 +1,5 @@
 /**
- * Keeps one ACP connection to the agent alive: connects, says hello, and connects again with growing pauses.
+ * Keeps one ACP connection to the agent alive: connects, initializes, and connects again with growing pauses.
  * All protocol work is the official SDK's. What the messages mean is not decided here.
  */
 import {
@@ -15,45 +15,43 @@ import {
 } from "@agentclientprotocol/sdk";
 import { createWebSocketStream } from "@agentclientprotocol/sdk/experimental/ws-client";
 import { backoff } from "../../wire/backoff";
+import type { LinkState } from "../../wire/link-state";
+import { META } from "../../wire/meta";
+import { METHODS } from "../../wire/methods";
 import { parsePeople, type Person } from "../../wire/people";
 import { parseTelemetry, type Telemetry } from "../../wire/telemetry";
 
+/** Telemetry messages a second. */
 const TELEMETRY_RATE = 5;
-const HELLO_MS = 10_000;
-const ANSWER_MS = 5000;
-
-export type LinkState =
-  | { status: "connecting"; first: boolean }
-  | { status: "online" }
-  | { status: "waiting"; retryAt: number }
-  | { status: "off" };
+const INITIALIZE_TIMEOUT_MS = 10_000;
+const PROBE_TIMEOUT_MS = 5000;
 
 export interface LinkEvents {
   onState: (state: LinkState) => void;
   onUpdate: (notification: SessionNotification) => void;
   onTelemetry: (telemetry: Telemetry) => void;
-  /** Without it the agent is not asked who is there. */
+  /** Without it the agent is not asked who is connected. */
   onPeople?: ((people: Person[]) => void) | undefined;
-  /** A question; `withdrawn` aborts when the agent takes it back or the connection is lost. */
+  /** A permission request; `withdrawn` aborts when the agent takes it back or the connection is lost. */
   onQuestion: (
     request: RequestPermissionRequest,
     withdrawn: AbortSignal,
   ) => Promise<RequestPermissionResponse>;
   /** The agent answers: open the session. The connection counts as good when this has resolved. */
-  onOpen: (agent: ClientContext, hello: InitializeResponse) => Promise<void>;
+  onOpen: (agent: ClientContext, initialized: InitializeResponse) => Promise<void>;
   /** The connection is gone or never came to be; another attempt follows unless somebody calls `end`. */
   onLost: () => void;
 }
 
 export class Link {
-  /** Set while the connection is open and said hello; null otherwise. */
+  /** Set while the connection is open and initialized; null otherwise. */
   agent: ClientContext | null = null;
   private connection: ClientConnection | null = null;
-  /** The connection whose agent was asked for an answer and has not given one yet. */
+  /** The connection that is being probed; null while none is. */
   private probed: ClientConnection | null = null;
-  /** Set while `run` is at work; aborting it ends it for good. */
+  /** Set while `run` works; aborting it ends the link for good. */
   private running: AbortController | null = null;
-  /** Set while it waits for the next attempt; called to try at once. */
+  /** Set while the next attempt is being waited for; called to try at once. */
   private wake: (() => void) | null = null;
 
   constructor(
@@ -74,24 +72,24 @@ export class Link {
     this.connection?.close();
   }
 
-  /** Connect now, whatever the pause. */
+  /** Connects now instead of waiting for the end of the pause. */
   tryNow(): void {
     this.wake?.();
   }
 
-  /** Give up a connection that seems dead; the next attempt follows. */
+  /** Gives up a connection that seems dead; the next attempt follows. */
   drop(): void {
     this.connection?.close();
   }
 
-  /** Ask whether the agent is there, and give the connection up when nothing comes back, be it a refusal. */
+  /** Sends a request that every agent answers, and gives the connection up when no answer comes. A refusal is an answer. */
   async probe(): Promise<void> {
     const { connection } = this;
     if (connection === null || this.agent === null || this.probed === connection) return;
     this.probed = connection;
-    const late = setTimeout(() => connection.close(new Error("no answer")), ANSWER_MS);
+    const timeout = setTimeout(() => connection.close(new Error("no answer")), PROBE_TIMEOUT_MS);
     await connection.agent.request(methods.agent.session.list, {}).catch(() => undefined);
-    clearTimeout(late);
+    clearTimeout(timeout);
     if (this.probed === connection) this.probed = null;
   }
 
@@ -101,14 +99,14 @@ export class Link {
     while (!ended.aborted) {
       this.events.onState({ status: "connecting", first });
       try {
-        const { connection, hello } = await this.open();
+        const { connection, initialized } = await this.open();
         this.events.onState({ status: "online" });
         first = false;
-        await this.events.onOpen(connection.agent, hello);
+        await this.events.onOpen(connection.agent, initialized);
         attempt = 0;
         await connection.closed;
       } catch {
-        // Why it failed is asked below, over HTTP: a browser tells nothing about a failed WebSocket.
+        // A browser says nothing about why a WebSocket failed; `onLost` asks over HTTP.
       }
       this.connection?.close();
       this.connection = null;
@@ -123,32 +121,35 @@ export class Link {
     this.running = null;
   }
 
-  private async open(): Promise<{ connection: ClientConnection; hello: InitializeResponse }> {
+  private async open(): Promise<{ connection: ClientConnection; initialized: InitializeResponse }> {
     const app = client({ name: "robot-acp dashboard" })
       .onNotification(methods.client.session.update, ({ params }) => this.events.onUpdate(params))
-      .onNotification("_robot/telemetry", parseTelemetry, ({ params }) => this.events.onTelemetry(params))
-      .onNotification("_robot/people", parsePeople, ({ params }) => this.events.onPeople?.(params))
+      .onNotification(METHODS.telemetry, parseTelemetry, ({ params }) => this.events.onTelemetry(params))
+      .onNotification(METHODS.people, parsePeople, ({ params }) => this.events.onPeople?.(params))
       .onRequest(methods.client.session.requestPermission, ({ params, signal }) =>
         this.events.onQuestion(params, signal),
       );
     const connection = app.connect(createWebSocketStream(this.url, { protocols: ["acp.v1"] }));
     this.connection = connection;
-    const late = setTimeout(() => connection.close(new Error("no answer to initialize")), HELLO_MS);
+    const timeout = setTimeout(
+      () => connection.close(new Error("no answer to initialize")),
+      INITIALIZE_TIMEOUT_MS,
+    );
     try {
-      const hello = await connection.agent.request(methods.agent.initialize, {
+      const initialized = await connection.agent.request(methods.agent.initialize, {
         protocolVersion: PROTOCOL_VERSION,
         clientInfo: { name: "robot-acp-web", version: "0.1.0" },
         clientCapabilities: {
           _meta: {
-            "robot-acp/telemetry": { rate: TELEMETRY_RATE },
-            "robot-acp/people": this.events.onPeople !== undefined,
+            [META.telemetry]: { rate: TELEMETRY_RATE },
+            [META.people]: this.events.onPeople !== undefined,
           },
         },
       });
       this.agent = connection.agent;
-      return { connection, hello };
+      return { connection, initialized };
     } finally {
-      clearTimeout(late);
+      clearTimeout(timeout);
     }
   }
 
@@ -165,7 +166,7 @@ export class Link {
   }
 }
 
-/** A function, because the compiler believes that a signal seen open stays open. */
+/** A function, because the compiler takes `aborted` for unchanged once it has been read as false. */
 function isAborted(signal: AbortSignal): boolean {
   return signal.aborted;
 }

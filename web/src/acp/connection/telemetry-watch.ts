@@ -1,69 +1,71 @@
 /**
- * Whether the robot is heard. Once it is not, what was told last says nothing of it any more, and the line is asked
- * whether it is dead. Whether a robot that is away tells anything is not decided here.
+ * Notices when the robot's telemetry stops coming. From then on the last telemetry is dropped, because it says nothing of
+ * what the robot does now, and the connection is probed, because it may be dead without having been closed. Whether an
+ * agent sends telemetry at all is decided in `connection.ts`.
  */
 import { setState } from "../../state/store";
 import { agentNow } from "./agent-clock";
 
-/** Telemetry comes five times a second: without it for so long, nobody knows what the robot does. */
+/** Telemetry comes five times a second: without any for so long, nobody knows what the robot does. */
 const SILENCE_MS = 3000;
 
-/** Since when telemetry has to come, by this machine's clock and by the agent's; null while none has to. */
-let since: { ms: number; at: number } | null = null;
+/** From when on telemetry is expected, by this machine's clock and by the agent's; null while none is expected. */
+let expectedSince: { ms: number; at: number } | null = null;
 let timer: ReturnType<typeof setTimeout> | undefined;
-let listening: AbortController | null = null;
+let wakeListeners: AbortController | null = null;
 let onSilence: () => void = () => undefined;
 
-/** `asks` finds out whether the line is dead; called as long as nothing is heard. */
-export function startHearing(asks: () => void): void {
-  onSilence = asks;
-  listening = new AbortController();
-  const { signal } = listening;
-  // A timer sleeps with the machine: what was told before must not pass for now until it is awake.
-  for (const woken of ["visibilitychange", "resume"]) document.addEventListener(woken, wake, { signal });
-  for (const woken of ["pageshow", "focus"]) window.addEventListener(woken, wake, { signal });
+/** `probe` finds out whether the connection is dead; it is called every `SILENCE_MS` for as long as the silence lasts. */
+export function startTelemetryWatch(probe: () => void): void {
+  onSilence = probe;
+  wakeListeners = new AbortController();
+  const { signal } = wakeListeners;
+  // Timers stop while the machine sleeps, so an old value would stay on the screen for a moment after it wakes.
+  for (const event of ["visibilitychange", "resume"])
+    document.addEventListener(event, checkAfterSleep, { signal });
+  for (const event of ["pageshow", "focus"]) window.addEventListener(event, checkAfterSleep, { signal });
 }
 
-export function endHearing(): void {
-  listening?.abort();
-  expectNothing();
-  setState({ telemetry: null, heardUntil: null });
+export function endTelemetryWatch(): void {
+  wakeListeners?.abort();
+  expectNoTelemetry();
+  setState({ telemetry: null, silentSince: null });
 }
 
-/** Telemetry was heard or promised just now: more has to come. */
-export function expectMore(): void {
-  since = { ms: Date.now(), at: agentNow() };
-  arm();
+/** Telemetry has come, or the agent has announced it: more has to follow. */
+export function expectTelemetry(): void {
+  expectedSince = { ms: Date.now(), at: agentNow() };
+  restartTimer();
 }
 
-export function expectNothing(): void {
-  since = null;
+export function expectNoTelemetry(): void {
+  expectedSince = null;
   clearTimeout(timer);
 }
 
-/** The line is lost. */
-export function hearNothing(): void {
-  forget();
-  expectNothing();
+/** The connection is lost, so nothing can come. */
+export function endTelemetry(): void {
+  dropTelemetry();
+  expectNoTelemetry();
 }
 
-function arm(): void {
+function restartTimer(): void {
   clearTimeout(timer);
-  timer = setTimeout(fallSilent, SILENCE_MS);
+  timer = setTimeout(reportSilence, SILENCE_MS);
 }
 
-function fallSilent(): void {
-  forget();
-  arm();
+function reportSilence(): void {
+  dropTelemetry();
+  restartTimer();
   onSilence();
 }
 
-function wake(): void {
-  if (since !== null && Date.now() - since.ms >= SILENCE_MS) fallSilent();
+function checkAfterSleep(): void {
+  if (expectedSince !== null && Date.now() - expectedSince.ms >= SILENCE_MS) reportSilence();
 }
 
 /** Old numbers must not pass for what the robot does now. */
-function forget(): void {
-  const until = since?.at ?? agentNow();
-  setState(({ heardUntil }) => ({ telemetry: null, heardUntil: heardUntil ?? until }));
+function dropTelemetry(): void {
+  const since = expectedSince?.at ?? agentNow();
+  setState(({ silentSince }) => ({ telemetry: null, silentSince: silentSince ?? since }));
 }

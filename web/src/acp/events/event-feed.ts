@@ -1,26 +1,21 @@
-/** The numbered events of sessions, handed on as they come to whoever looks at them one by one. Keeps none. */
-import type { SessionNotification, SessionUpdate } from "@agentclientprotocol/sdk";
-import { atOf, seqOf } from "../../wire/meta";
+/** Hands the numbered events of sessions on, as they come, to whoever subscribes. Keeps none. */
+import type { SessionNotification } from "@agentclientprotocol/sdk";
+import { parseLiveEvent, type NumberedEvent } from "../../wire/event";
 
-export interface Event {
-  seq: number;
-  /** Unix seconds by the agent's clock. */
-  at: number;
-  update: SessionUpdate;
+type Subscriber = (sessionId: string, event: NumberedEvent) => void;
+
+const subscribers = new Set<Subscriber>();
+
+/** Returns a function that ends the subscription. */
+export function subscribeToEvents(subscriber: Subscriber): () => void {
+  subscribers.add(subscriber);
+  return () => subscribers.delete(subscriber);
 }
 
-type Listener = (sessionId: string, event: Event) => void;
-
-const listeners = new Set<Listener>();
-
-/** Returns what ends it. */
-export function listen(listener: Listener): () => void {
-  listeners.add(listener);
-  return () => listeners.delete(listener);
-}
-
-export function tell({ sessionId, update, _meta }: SessionNotification): void {
-  const [seq, at] = [seqOf(_meta), atOf(_meta)];
-  if (listeners.size === 0 || seq === null || at === null) return;
-  for (const listener of listeners) listener(sessionId, { seq, at, update });
+/** An update without number or time is not published. */
+export function publish(notification: SessionNotification): void {
+  if (subscribers.size === 0) return;
+  const event = parseLiveEvent(notification);
+  if (event === null) return;
+  for (const subscriber of subscribers) subscriber(notification.sessionId, event);
 }

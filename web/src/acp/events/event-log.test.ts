@@ -1,28 +1,28 @@
 /** The log of a session while somebody looks at it: it has no gap, and it stays small. */
 import { beforeEach, expect, it, vi } from "vitest";
-import { MOST, type Row } from "../../state/log-rows";
+import { MAX_ROWS, type Row } from "../../state/log-rows";
 import { EventLog } from "./event-log";
-import type { Event } from "./event-feed";
-import { NoLog, type Page } from "./event-pages";
+import type { EventPage, NumberedEvent } from "../../wire/event";
+import { LogUnavailable } from "./event-pages";
 
-const event = (seq: number): Event => ({
+const event = (seq: number): NumberedEvent => ({
   seq,
   at: seq,
   update: { sessionUpdate: "agent_message_chunk", content: { type: "text", text: `words ${seq}` } },
 });
-const events = (from: number, to: number): Event[] =>
+const events = (from: number, to: number): NumberedEvent[] =>
   Array.from({ length: to - from + 1 }, (_, index) => event(from + index));
 
-let kept: Event[];
+let kept: NumberedEvent[];
 let reads: number[];
-const read = (after: number): Promise<Page> => {
+const read = (after: number): Promise<EventPage> => {
   reads.push(after);
   const page = kept.filter(({ seq }) => seq > after).slice(0, 100);
   return Promise.resolve({ events: page, last: kept.length });
 };
 const numbers = (rows: readonly Row[]): number[] => rows.map(({ seq }) => seq);
 const shows = (log: EventLog, upto: number): Promise<void> =>
-  vi.waitFor(() => expect(numbers(log.get().rows)).toEqual(events(1, upto).map(({ seq }) => seq)));
+  vi.waitFor(() => expect(numbers(log.getSnapshot().rows)).toEqual(events(1, upto).map(({ seq }) => seq)));
 
 beforeEach(() => {
   kept = events(1, 250);
@@ -34,14 +34,14 @@ it("is read to its end, page by page", async () => {
   await log.catchUp();
   await shows(log, 250);
   expect(reads).toEqual([0, 100, 200]);
-  expect(log.get().standing).toBe("ready");
+  expect(log.getSnapshot().status).toBe("ready");
 });
 
 it("goes on with what comes, and asks for nothing that came", async () => {
   const log = new EventLog(read);
   await log.catchUp();
-  for (const more of events(251, 260)) log.take(more);
-  log.take(event(255));
+  for (const more of events(251, 260)) log.receive(more);
+  log.receive(event(255));
   await shows(log, 260);
   expect(reads).toHaveLength(3);
 });
@@ -50,7 +50,7 @@ it("fetches what did not come, as one's own prompt", async () => {
   const log = new EventLog(read);
   await log.catchUp();
   kept = events(1, 252);
-  log.take(event(252));
+  log.receive(event(252));
   await shows(log, 252);
   expect(reads.at(-1)).toBe(250);
 });
@@ -59,7 +59,7 @@ it("misses nothing that comes while it reads", async () => {
   const log = new EventLog((after) => {
     if (after === 200) {
       kept = events(1, 255);
-      for (const more of events(251, 255)) log.take(more);
+      for (const more of events(251, 255)) log.receive(more);
     }
     return read(after);
   });
@@ -70,18 +70,18 @@ it("misses nothing that comes while it reads", async () => {
 it("waits for the connection, and says when an agent has no log", async () => {
   const lost = new EventLog(() => Promise.reject(new Error("lost")));
   await lost.catchUp();
-  await vi.waitFor(() => expect(lost.get().standing).toBe("behind"));
-  const none = new EventLog(() => Promise.reject(new NoLog()));
+  await vi.waitFor(() => expect(lost.getSnapshot().status).toBe("behind"));
+  const none = new EventLog(() => Promise.reject(new LogUnavailable()));
   await none.catchUp();
-  await vi.waitFor(() => expect(none.get().standing).toBe("none"));
+  await vi.waitFor(() => expect(none.getSnapshot().status).toBe("unavailable"));
 });
 
 it("keeps the newest rows alone, however long the session is", async () => {
   kept = [];
   const log = new EventLog(read);
   await log.catchUp();
-  for (const more of events(1, MOST + 500)) log.take(more);
-  await vi.waitFor(() => expect(log.get().rows.at(-1)?.seq).toBe(MOST + 500));
-  expect(log.get().rows).toHaveLength(MOST - 500);
-  expect(log.get().rows[0]?.seq).toBe(1001);
+  for (const more of events(1, MAX_ROWS + 500)) log.receive(more);
+  await vi.waitFor(() => expect(log.getSnapshot().rows.at(-1)?.seq).toBe(MAX_ROWS + 500));
+  expect(log.getSnapshot().rows).toHaveLength(MAX_ROWS - 500);
+  expect(log.getSnapshot().rows[0]?.seq).toBe(1001);
 });

@@ -1,49 +1,58 @@
-/** What the dashboard does with the connection: lists and opens sessions, and comes to where somebody has to decide. */
+/**
+ * What the dashboard does with the connection: lists and opens sessions, and watches the session that controls the robot,
+ * so that its questions come here.
+ */
 import { canApprove, canPrompt } from "../../state/rights";
 import { getState, setState } from "../../state/store";
-import { sessionOfHash } from "../sessions/address";
-import { end, start } from "../connection/connection";
-import { ask } from "../sessions/questions";
-import { searchSessions } from "../sessions/search";
-import { forgetSession, listSessions, openFirst, openSession, watchSession } from "../sessions/sessions";
 import type { Telemetry } from "../../wire/telemetry";
+import { endConnection, startConnection } from "../connection/connection";
+import { sessionOfHash } from "../sessions/address";
+import { showQuestion } from "../sessions/questions";
+import { searchSessions } from "../sessions/search";
+import {
+  forgetSession,
+  listSessions,
+  openFirstSession,
+  openSession,
+  watchSession,
+} from "../sessions/sessions";
 
 const LIST_MS = 30_000;
 
-/** The session that this page came to by itself, because it controls the robot; null when there is none. */
-let guest: string | null = null;
+/** The session that this page watches only because it controls the robot; null when there is none. */
+let watchedControllerId: string | null = null;
 
-/** Returns what ends it. */
+/** Returns a function that ends it. */
 export function startDashboard(): () => void {
-  start({
-    onOpen: async (_agent, hello) => {
-      guest = null;
-      setState({ canDelete: hello.agentCapabilities?.sessionCapabilities?.delete != null });
+  startConnection({
+    onOpen: async (_agent, initialized) => {
+      watchedControllerId = null;
+      setState({ canDelete: initialized.agentCapabilities?.sessionCapabilities?.delete != null });
       await listSessions();
       const { auth } = getState();
-      await openFirst(auth.status === "in" && canPrompt(auth.me.role));
+      await openFirstSession(auth.status === "in" && canPrompt(auth.me.role));
     },
-    onQuestion: ask,
-    onTelemetry: followRobot,
+    onQuestion: showQuestion,
+    onTelemetry: watchController,
     onPeople: (people) => setState({ people }),
   });
-  const lists = setInterval(() => {
+  const listTimer = setInterval(() => {
     if (document.visibilityState !== "visible") return;
     void listSessions().catch(() => undefined);
     const { found } = getState();
     if (found?.more === null) void searchSessions(found.words).catch(() => undefined);
   }, LIST_MS);
-  window.addEventListener("hashchange", followAddress);
-  window.addEventListener("popstate", followAddress);
+  window.addEventListener("hashchange", openSessionOfHash);
+  window.addEventListener("popstate", openSessionOfHash);
   return () => {
-    clearInterval(lists);
-    window.removeEventListener("hashchange", followAddress);
-    window.removeEventListener("popstate", followAddress);
-    end();
+    clearInterval(listTimer);
+    window.removeEventListener("hashchange", openSessionOfHash);
+    window.removeEventListener("popstate", openSessionOfHash);
+    endConnection();
   };
 }
 
-function followAddress(): void {
+function openSessionOfHash(): void {
   const sessionId = sessionOfHash();
   if (sessionId !== null && sessionId !== getState().currentId) {
     openSession(sessionId).catch(() => undefined);
@@ -51,18 +60,18 @@ function followAddress(): void {
 }
 
 /**
- * Whoever may decide watches the session that controls the robot, also when it was begun elsewhere, as at a kiosk:
- * only those who watch a session are asked what it may do.
+ * Whoever may approve watches the session that controls the robot, also one that was begun elsewhere, as at a kiosk: the
+ * agent sends permission requests only to those who watch a session.
  */
-function followRobot({ turn }: Telemetry): void {
+function watchController({ turn }: Telemetry): void {
   const { auth, attached } = getState();
-  const holder = turn?.sessionId ?? null;
-  if (holder === guest || auth.status !== "in" || !canApprove(auth.me.role)) return;
-  if (guest !== null) forgetSession(guest);
-  guest = null;
-  if (holder === null || attached.has(holder)) return;
-  guest = holder;
-  void watchSession(holder).then(() => {
-    if (guest !== holder) forgetSession(holder); // its turn was over before it was here
+  const controllerId = turn?.sessionId ?? null;
+  if (controllerId === watchedControllerId || auth.status !== "in" || !canApprove(auth.me.role)) return;
+  if (watchedControllerId !== null) forgetSession(watchedControllerId);
+  watchedControllerId = null;
+  if (controllerId === null || attached.has(controllerId)) return;
+  watchedControllerId = controllerId;
+  void watchSession(controllerId).then(() => {
+    if (watchedControllerId !== controllerId) forgetSession(controllerId); // its turn ended while it was being loaded
   });
 }

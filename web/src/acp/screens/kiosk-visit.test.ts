@@ -2,8 +2,9 @@
 import { methods, type ClientContext } from "@agentclientprotocol/sdk";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 import { INITIAL, getState, setState } from "../../state/store";
-import { receive, setAgent } from "../sessions/sessions";
-import { ask, endVisit } from "./kiosk-visit";
+import { receiveUpdate } from "../sessions/sessions";
+import { sendRequest, endVisit } from "./kiosk-visit";
+import { setAgent } from "../connection/agent";
 
 const HELLO = "Salude";
 
@@ -26,7 +27,7 @@ function connect(): void {
 
 /** A wish whose session the agent has begun and whose turn runs. */
 async function wished(): Promise<void> {
-  void ask(HELLO, "Kiosk");
+  void sendRequest(HELLO, "Kiosk");
   asked(methods.agent.session.new)[0]?.answer({ sessionId: "s1" });
   await vi.waitFor(() => expect(prompts()).toHaveLength(1));
 }
@@ -55,7 +56,7 @@ it("closes the session at the end and keeps nothing, whatever comes late", async
   endVisit();
   expect(asked(methods.agent.session.close)[0]?.params).toEqual({ sessionId: "s1" });
   const late = { type: "text" as const, text: "I said it." };
-  receive({ sessionId: "s1", update: { sessionUpdate: "agent_message_chunk", content: late } });
+  receiveUpdate({ sessionId: "s1", update: { sessionUpdate: "agent_message_chunk", content: late } });
   asked(methods.agent.session.prompt)[0]?.answer({ stopReason: "cancelled" });
   await Promise.resolve();
   expect(getState()).toMatchObject({ currentId: null, conversations: {}, drafts: {} });
@@ -63,7 +64,7 @@ it("closes the session at the end and keeps nothing, whatever comes late", async
 });
 
 it("closes a session that came when the visitor had gone, and asks nothing in it", async () => {
-  const over = ask(HELLO, "Kiosk");
+  const over = sendRequest(HELLO, "Kiosk");
   endVisit();
   asked(methods.agent.session.new)[0]?.answer({ sessionId: "late" });
   await over;
@@ -73,7 +74,7 @@ it("closes a session that came when the visitor had gone, and asks nothing in it
 });
 
 it("asks for nothing twice while it begins", () => {
-  void ask(HELLO, "Kiosk");
-  void ask(HELLO, "Kiosk");
+  void sendRequest(HELLO, "Kiosk");
+  void sendRequest(HELLO, "Kiosk");
   expect(asked(methods.agent.session.new)).toHaveLength(1);
 });

@@ -1,96 +1,97 @@
 /**
- * What a kiosk does with the connection: one visit after another. A visit's session begins with its first wish and is
- * closed with the visit; of an earlier visit nothing is kept here, nothing in the address, nothing in the browser.
+ * What a kiosk does with the connection: one visit after another. A visit's session begins with the visitor's first request
+ * and is closed with the visit; of an earlier visit nothing is kept here, nothing in the address, nothing in the browser.
  */
 import { methods, RequestError, type ClientContext } from "@agentclientprotocol/sdk";
 import { getState, setState } from "../../state/store";
-import { learnAbilities } from "../../wire/abilities";
-import { end, start } from "../connection/connection";
-import { attach, load, send, theAgent } from "../sessions/sessions";
+import { getAgent } from "../connection/agent";
+import { endConnection, startConnection } from "../connection/connection";
+import { loadAbilities } from "../sessions/abilities";
+import { addSession, loadSession, sendPrompt } from "../sessions/sessions";
 
-const LEARN_MS = 5000;
+const ABILITIES_MS = 5000;
 const CWD = "/";
 
-/** Counts visits: what comes late for an earlier one is dropped. */
+/** Counts visits: an answer that belongs to an earlier one is dropped. */
 let visit = 0;
 /** Sessions of visits that ended while there was no connection. */
-const unclosed = new Set<string>();
+const sessionsToClose = new Set<string>();
 
-/** Returns what ends it. */
+/** Returns a function that ends it. */
 export function startKiosk(): () => void {
-  start({
-    onOpen: async (peer) => {
-      for (const sessionId of unclosed) close(peer, sessionId);
-      unclosed.clear();
-      void learn();
-      await goOn(peer);
+  startConnection({
+    onOpen: async (agent) => {
+      for (const sessionId of sessionsToClose) closeSession(agent, sessionId);
+      sessionsToClose.clear();
+      void loadAbilitiesOnce();
+      await resumeVisit(agent);
     },
-    // A kiosk never answers a question, whoever it is logged in as: staff do, on a screen of their own.
+    // A kiosk never answers a permission request, whoever it is logged in as: staff do, on a screen of their own.
     onQuestion: (_request, withdrawn) =>
       new Promise((resolve) => {
-        const gone = (): void => resolve({ outcome: { outcome: "cancelled" } });
-        if (withdrawn.aborted) gone();
-        else withdrawn.addEventListener("abort", gone, { once: true });
+        const cancel = (): void => resolve({ outcome: { outcome: "cancelled" } });
+        if (withdrawn.aborted) cancel();
+        else withdrawn.addEventListener("abort", cancel, { once: true });
       }),
-    // Nobody at this screen could cancel any more what the visitor began.
-    onLeave: endVisit,
+    // Nobody at this screen could cancel the visitor's turn any more.
+    onSignOut: endVisit,
   });
-  const learning = setInterval(() => void learn(), LEARN_MS);
+  const timer = setInterval(() => void loadAbilitiesOnce(), ABILITIES_MS);
   return () => {
-    clearInterval(learning);
+    clearInterval(timer);
     endVisit();
-    end();
+    endConnection();
   };
 }
 
-/** What the robot can do, asked until it is known. */
-async function learn(): Promise<void> {
-  if (getState().abilities === null) await learnAbilities();
+async function loadAbilitiesOnce(): Promise<void> {
+  if (getState().abilities === null) await loadAbilities();
 }
 
-/** After the connection was lost in the middle of a visit. */
-async function goOn(peer: ClientContext): Promise<void> {
+/** Loads the visit's session again after the connection was lost. */
+async function resumeVisit(agent: ClientContext): Promise<void> {
   const { currentId } = getState();
   if (currentId === null) return;
   try {
-    await load(peer, currentId);
+    await loadSession(agent, currentId);
   } catch (error) {
     if (!(error instanceof RequestError)) throw error;
     endVisit();
   }
 }
 
-/** Asks for something and returns when the turn is over. Rejects when no session can be begun. */
-export async function ask(text: string, author: string): Promise<void> {
-  const peer = theAgent();
-  if (peer === null || getState().opening) return;
-  const mine = visit;
-  const sessionId = getState().currentId ?? (await begin(peer, mine));
-  if (sessionId === null || mine !== visit) return;
-  await send(peer, sessionId, text, author);
+/** Sends the visitor's request and returns when its turn is over. Rejects when no session can be begun. */
+export async function sendRequest(text: string, author: string): Promise<void> {
+  const agent = getAgent();
+  if (agent === null || getState().opening) return;
+  const thisVisit = visit;
+  const sessionId = getState().currentId ?? (await beginSession(agent, thisVisit));
+  if (sessionId === null || thisVisit !== visit) return;
+  await sendPrompt(agent, sessionId, text, author);
 }
 
-async function begin(peer: ClientContext, mine: number): Promise<string | null> {
+/** Null when the visit has ended meanwhile. */
+async function beginSession(agent: ClientContext, thisVisit: number): Promise<string | null> {
   setState({ opening: true });
   try {
-    const answer = await peer.request(methods.agent.session.new, { cwd: CWD, mcpServers: [] });
-    if (mine !== visit) {
-      close(peer, answer.sessionId);
+    const answer = await agent.request(methods.agent.session.new, { cwd: CWD, mcpServers: [] });
+    if (thisVisit !== visit) {
+      closeSession(agent, answer.sessionId);
       return null;
     }
     setState({ currentId: answer.sessionId });
-    attach(answer.sessionId, answer);
+    addSession(answer.sessionId, answer);
     return answer.sessionId;
   } finally {
-    if (mine === visit) setState({ opening: false });
+    if (thisVisit === visit) setState({ opening: false });
   }
 }
 
-/** The visitor has gone: what runs is cancelled, and nothing stays. */
+/** The visitor has gone: the running turn is cancelled, and nothing of the visit stays. */
 export function endVisit(): void {
   visit++;
   const { currentId } = getState();
-  const peer = theAgent();
+  const agent = getAgent();
   setState({
     currentId: null,
     opening: false,
@@ -101,10 +102,11 @@ export function endVisit(): void {
     toasts: [],
   });
   if (currentId === null) return;
-  if (peer === null) unclosed.add(currentId);
-  else close(peer, currentId);
+  if (agent === null) sessionsToClose.add(currentId);
+  else closeSession(agent, currentId);
 }
 
-function close(peer: ClientContext, sessionId: string): void {
-  peer.request(methods.agent.session.close, { sessionId }).catch(() => undefined);
+/** The agent cancels a turn that runs in the session. */
+function closeSession(agent: ClientContext, sessionId: string): void {
+  agent.request(methods.agent.session.close, { sessionId }).catch(() => undefined);
 }

@@ -1,22 +1,24 @@
-/** Follows the robot for the plots: takes at most two samples a second of what telemetry and the link tell. */
-import { EVERY_MS, Samples, type Values } from "../../state/samples";
+/** Records what the plots show: at most two samples a second of the robot's speed and battery and of the link's latency. */
+import { SAMPLE_MS, Samples, type Values } from "../../state/samples";
 import { useStore, type State } from "../../state/store";
 
-/** Those of this page. */
+/** The samples of this page. */
 export const samples = new Samples();
 
-/** Follows the robot; returns what ends it. */
+/** Telemetry comes five times a second, not quite evenly: a sample may come so much early. */
+const JITTER_MS = 50;
+
+/** Returns a function that ends it. */
 export function recordSamples(): () => void {
-  let last = 0;
+  let lastAt = 0;
   return useStore.subscribe((state, before) => {
     if (state.telemetry === before.telemetry && state.latencyMs === before.latencyMs) return;
     const now = Date.now();
     const lost =
       (state.telemetry === null && before.telemetry !== null) ||
       (state.latencyMs === null && before.latencyMs !== null);
-    // Telemetry comes five times a second, with a little unrest.
-    if (now - last < EVERY_MS - 50 && !lost) return;
-    last = now;
+    if (now - lastAt < SAMPLE_MS - JITTER_MS && !lost) return;
+    lastAt = now;
     samples.add(now / 1000, valuesOf(state));
   });
 }

@@ -1,6 +1,5 @@
-/** The session in the address bar and in this browser's memory; the token of a login link leaves the address at once. */
-
-const LAST = "robot-acp/last-session";
+/** The session in the address bar and in this browser's storage; the token of a login link leaves the address at once. */
+import { readStored, STORAGE, writeStored } from "../../browser-storage";
 
 /** The login token of `#token=…`; it is removed from the address bar and from the history. */
 export function takeToken(): string | null {
@@ -10,9 +9,9 @@ export function takeToken(): string | null {
   return token;
 }
 
-/** The session that the page should open: of the address, else the last one that was open here. */
-export function sessionOfAddress(): string | null {
-  return sessionOfHash() ?? remembered();
+/** The session that the page should open: that of the address, else the last one that was open in this browser. */
+export function sessionToOpen(): string | null {
+  return sessionOfHash() ?? readStored(STORAGE.lastSession);
 }
 
 export function sessionOfHash(): string | null {
@@ -25,14 +24,6 @@ export function sessionOfHash(): string | null {
   }
 }
 
-function remembered(): string | null {
-  try {
-    return window.localStorage.getItem(LAST);
-  } catch {
-    return null; // a browser may forbid it; then the newest session is opened
-  }
-}
-
 export function rememberSession(sessionId: string): void {
   const hash = `#/s/${encodeURIComponent(sessionId)}`;
   if (window.location.hash !== hash) {
@@ -40,9 +31,5 @@ export function rememberSession(sessionId: string): void {
     const method = sessionOfHash() === null ? "replaceState" : "pushState";
     window.history[method](null, "", window.location.pathname + window.location.search + hash);
   }
-  try {
-    window.localStorage.setItem(LAST, sessionId);
-  } catch {
-    // See above.
-  }
+  writeStored(STORAGE.lastSession, sessionId);
 }

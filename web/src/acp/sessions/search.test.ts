@@ -2,8 +2,9 @@
 import type { ClientContext } from "@agentclientprotocol/sdk";
 import { afterEach, beforeEach, expect, it } from "vitest";
 import { INITIAL, getState, setState } from "../../state/store";
-import { findMore, searchSessions } from "./search";
-import { setAgent } from "./sessions";
+import { loadMoreResults, searchSessions } from "./search";
+import { setAgent } from "../connection/agent";
+import { META } from "../../wire/meta";
 
 let asked: { params: unknown; answer: (page: unknown) => void }[];
 
@@ -26,7 +27,7 @@ const found = (): string[] | undefined => getState().found?.sessions.map(({ sess
 
 it("shows what the agent finds", async () => {
   const search = searchSessions("  Lab   ANA ");
-  expect(asked[0]?.params).toEqual({ _meta: { "robot-acp/search": "lab ana" } });
+  expect(asked[0]?.params).toEqual({ _meta: { [META.search]: "lab ana" } });
   asked[0]?.answer(page("s1"));
   await search;
   expect(getState().found?.words).toBe("lab ana");
@@ -55,8 +56,8 @@ it("goes on to the next page of the same words", async () => {
   const search = searchSessions("lab");
   asked[0]?.answer(page("s1", "next"));
   await search;
-  const more = findMore();
-  expect(asked[1]?.params).toEqual({ cursor: "next", _meta: { "robot-acp/search": "lab" } });
+  const more = loadMoreResults();
+  expect(asked[1]?.params).toEqual({ cursor: "next", _meta: { [META.search]: "lab" } });
   asked[1]?.answer(page("s2"));
   await more;
   expect(found()).toEqual(["s1", "s2"]);

@@ -1,35 +1,37 @@
-/** Looks for sessions by words, in the agent: what is found reaches beyond the part of the list that is here. */
+/** Searches the agent's sessions by words: it finds also sessions that the page's list has not loaded yet. */
 import { methods } from "@agentclientprotocol/sdk";
-import { wordsOf } from "../../state/session-list";
+import { searchWords } from "../../state/session-list";
 import { getState, setState } from "../../state/store";
-import { theAgent } from "./sessions";
+import { META } from "../../wire/meta";
+import { getAgent } from "../connection/agent";
 
-const meta = (words: string): Record<string, unknown> => ({ "robot-acp/search": words });
+const searchMeta = (words: string): Record<string, unknown> => ({ [META.search]: words });
 
-/** Without a word in it nothing is looked for, and what was found is forgotten. */
-export async function searchSessions(search: string): Promise<void> {
-  const words = wordsOf(search).join(" ");
-  const peer = theAgent();
-  wanted = words;
-  if (words === "" || peer === null) {
+/** The words of the last search; an answer to any other comes too late. */
+let latestWords = "";
+
+/** A text without any word ends the search. */
+export async function searchSessions(text: string): Promise<void> {
+  const words = searchWords(text).join(" ");
+  const agent = getAgent();
+  latestWords = words;
+  if (words === "" || agent === null) {
     setState({ found: null });
     return;
   }
-  const page = await peer.request(methods.agent.session.list, { _meta: meta(words) });
-  if (wanted !== words) return; // somebody has typed on
+  const page = await agent.request(methods.agent.session.list, { _meta: searchMeta(words) });
+  if (latestWords !== words) return;
   setState({ found: { words, sessions: page.sessions, more: page.nextCursor ?? null } });
 }
 
-/** What was asked for last; answers to anything else come too late. */
-let wanted = "";
-
-export async function findMore(): Promise<void> {
+/** Loads the next page of what the last search found. */
+export async function loadMoreResults(): Promise<void> {
   const { found } = getState();
-  const peer = theAgent();
-  if (found?.more == null || peer === null) return;
-  const page = await peer.request(methods.agent.session.list, {
+  const agent = getAgent();
+  if (found?.more == null || agent === null) return;
+  const page = await agent.request(methods.agent.session.list, {
     cursor: found.more,
-    _meta: meta(found.words),
+    _meta: searchMeta(found.words),
   });
   if (getState().found !== found) return;
   setState({

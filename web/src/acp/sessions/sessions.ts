@@ -1,5 +1,5 @@
 /**
- * What people do with sessions: open, make, delete, prompt, cancel, set mode and model. Each call takes the store
+ * What people do with sessions: open, create, delete, prompt, cancel, set mode and model. Each function takes the store
  * from one consistent state to the next; none of them knows a component.
  */
 import {
@@ -13,70 +13,63 @@ import {
 import i18next from "../../i18n";
 import { EMPTY, hasEnded, type Conversation } from "../../state/conversation/conversation";
 import {
-  cancelAsked,
-  opened,
+  cancelRequested,
   promptEnded,
   promptFailed,
   promptSent,
+  sessionOpened,
   sessionReducer,
 } from "../../state/conversation/reducer";
-import { refreshed } from "../../state/session-list";
 import type { Setting } from "../../state/conversation/settings";
+import { mergeFirstPage } from "../../state/session-list";
 import { getState, robotName, setState, toast, type State } from "../../state/store";
-import { agentNow, hear } from "../connection/agent-clock";
-import { tell } from "../events/event-feed";
-import { atOf, decisionOf, takenOverBy } from "../../wire/meta";
-import { closeQuestionsOf, decided, forgetAsked, settled } from "./questions";
-import { rememberSession, sessionOfAddress } from "./address";
+import { atOf, decisionOf, META, takenOverBy } from "../../wire/meta";
+import { METHODS } from "../../wire/methods";
+import { getAgent } from "../connection/agent";
+import { agentNow, syncClock } from "../connection/agent-clock";
+import { publish } from "../events/event-feed";
+import { rememberSession, sessionToOpen } from "./address";
+import { applyDecision, closeQuestionsOf, forgetAskedCall, forgetAskedCalls } from "./questions";
 
+/** ACP wants a working directory; a robot's session has none. */
 const CWD = "/";
 
 /** A page that is open for days keeps this many sessions: the one on the screen, and those that were there last. */
-export const KEPT = 10;
+export const RECENT_SESSIONS = 10;
 
 /** The sessions that were on the screen, the newest last. */
-let shown: string[] = [];
+let recentSessionIds: string[] = [];
 
-/** Null while there is no connection: the one place from which the functions below reach the agent. */
-let agent: ClientContext | null = null;
-
-export const theAgent = (): ClientContext | null => agent;
-
-export function setAgent(next: ClientContext | null): void {
-  agent = next;
-  if (next === null) setState({ attached: new Set(), drafts: {} });
-}
-
-/** What comes late for a session that is not here any more changes nothing. */
-function change(sessionId: string, fn: (conversation: Conversation) => Conversation): void {
+/** Does nothing for a session that the page has let go of: its updates can still be on their way. */
+function updateConversation(sessionId: string, update: (conversation: Conversation) => Conversation): void {
   setState((state) => {
     const conversation = state.conversations[sessionId];
     if (conversation === undefined) return {};
-    return { conversations: { ...state.conversations, [sessionId]: fn(conversation) } };
+    return { conversations: { ...state.conversations, [sessionId]: update(conversation) } };
   });
 }
 
-/** For the timeline: an agent that does not tell when something happened tells it when it happens. */
-function dated(notification: SessionNotification): SessionNotification {
+/** The timeline needs a time: an update without one has happened just now. */
+function withTime(notification: SessionNotification): SessionNotification {
   if (atOf(notification._meta) !== null) return notification;
-  return { ...notification, _meta: { ...notification._meta, "robot-acp/at": agentNow() } };
+  return { ...notification, _meta: { ...notification._meta, [META.at]: agentNow() } };
 }
 
-/** Takes in one update: into the replay that is under way, else into what is on the screen. */
-export function receive(notification: SessionNotification): void {
+/** Applies one update: to the replay that is under way, else to what is on the screen. */
+export function receiveUpdate(notification: SessionNotification): void {
   const { sessionId, update } = notification;
   const draft = getState().drafts[sessionId];
   if (draft !== undefined) {
     setState((state) => ({ drafts: { ...state.drafts, [sessionId]: sessionReducer(draft, notification) } }));
   } else {
-    hear(atOf(notification._meta));
-    change(sessionId, (conversation) => sessionReducer(conversation, dated(notification)));
+    syncClock(atOf(notification._meta));
+    updateConversation(sessionId, (conversation) => sessionReducer(conversation, withTime(notification)));
   }
-  tell(notification);
+  publish(notification);
   if (update.sessionUpdate === "tool_call_update") {
     const decision = decisionOf(update._meta);
-    if (decision !== null) decided(sessionId, update.toolCallId, decision);
-    if (hasEnded(update.status)) settled(sessionId, update.toolCallId);
+    if (decision !== null) applyDecision(sessionId, update.toolCallId, decision);
+    if (hasEnded(update.status)) forgetAskedCall(sessionId, update.toolCallId);
   }
   if (update.sessionUpdate === "session_info_update" && update.title !== undefined) {
     const title = update.title;
@@ -85,33 +78,34 @@ export function receive(notification: SessionNotification): void {
     }));
   }
   if (update.sessionUpdate === "agent_message_chunk" && draft === undefined) {
-    tellLoser(sessionId, takenOverBy(update._meta));
+    reportTakeOver(sessionId, takenOverBy(update._meta));
   }
 }
 
-/** Whoever loses the robot learns it whatever is on the screen just then. */
-function tellLoser(sessionId: string, by: string | null): void {
+/** Tells whoever lost control of the robot, whichever session is on the screen. */
+function reportTakeOver(sessionId: string, by: string | null): void {
   const { auth, conversations } = getState();
-  const asked = conversations[sessionId]?.items.findLast((item) => item.kind === "user");
-  if (by === null || auth.status !== "in" || asked?.author !== auth.me.name || by === auth.me.name) return;
+  const lastPrompt = conversations[sessionId]?.items.findLast((item) => item.kind === "user");
+  if (by === null || auth.status !== "in" || lastPrompt?.author !== auth.me.name || by === auth.me.name)
+    return;
   toast("danger", i18next.t("people.lost", { name: by, robot: robotName(getState()) }));
 }
 
 export async function listSessions(): Promise<void> {
-  const peer = agent;
-  if (peer === null) return;
-  const page = await peer.request(methods.agent.session.list, {});
+  const agent = getAgent();
+  if (agent === null) return;
+  const page = await agent.request(methods.agent.session.list, {});
   setState((state) => {
-    // One that was just begun here is not on the list before its first event has been written.
+    // The agent lists a session once its first event has been written, so one that was just begun is missing there.
     const current = state.sessions.filter(
       (known) =>
         known.sessionId === state.currentId &&
         !page.sessions.some(({ sessionId }) => sessionId === known.sessionId),
     );
-    const listed = page.nextCursor == null ? page.sessions : refreshed(state.sessions, page.sessions);
+    const listed = page.nextCursor == null ? page.sessions : mergeFirstPage(state.sessions, page.sessions);
     return {
       sessions: [...current, ...listed.filter((session) => !current.includes(session))],
-      // Where older ones had been read, it goes on below them.
+      // Where older sessions had been loaded, the next page begins below them.
       moreSessions: listed.length > page.sessions.length ? state.moreSessions : (page.nextCursor ?? null),
       sessionsKnown: true,
     };
@@ -119,6 +113,7 @@ export async function listSessions(): Promise<void> {
 }
 
 export async function listMoreSessions(): Promise<void> {
+  const agent = getAgent();
   const cursor = getState().moreSessions;
   if (agent === null || cursor === null) return;
   const page = await agent.request(methods.agent.session.list, { cursor });
@@ -134,8 +129,8 @@ export async function listMoreSessions(): Promise<void> {
 }
 
 /** After connecting: the session of the address, else the last one, else the newest, else a new one. */
-export async function openFirst(mayPrompt: boolean): Promise<void> {
-  const wanted = getState().currentId ?? sessionOfAddress();
+export async function openFirstSession(mayPrompt: boolean): Promise<void> {
+  const wanted = getState().currentId ?? sessionToOpen();
   if (wanted !== null && (await openSession(wanted))) return;
   const newest = getState().sessions.find(({ sessionId }) => sessionId !== wanted);
   if (newest !== undefined && (await openSession(newest.sessionId))) return;
@@ -143,25 +138,29 @@ export async function openFirst(mayPrompt: boolean): Promise<void> {
   else setState({ currentId: null, opening: false });
 }
 
-export function attach(sessionId: string, answer: NewSessionResponse | LoadSessionResponse): void {
+/** Puts a session that the agent has opened into the store; from now on its updates are applied as they come. */
+export function addSession(sessionId: string, answer: NewSessionResponse | LoadSessionResponse): void {
   setState((state) => {
     const { [sessionId]: draft = EMPTY, ...drafts } = state.drafts;
     return {
       drafts,
-      conversations: { ...state.conversations, [sessionId]: opened(draft, answer) },
+      conversations: { ...state.conversations, [sessionId]: sessionOpened(draft, answer) },
       attached: new Set(state.attached).add(sessionId),
       ...(state.currentId === sessionId ? { opening: false } : {}),
     };
   });
 }
 
-/** In the address, and among those that are kept; whichever was left longest ago goes, unless a turn runs in it. */
-function putOnScreen(sessionId: string): void {
+/** Puts a session into the address and among the recent ones; the oldest of these goes, unless a turn runs in it. */
+function markAsRecent(sessionId: string): void {
   rememberSession(sessionId);
   const { conversations, drafts } = getState();
-  const here = (other: string): boolean => other in conversations || other in drafts;
-  shown = [...shown.filter((other) => other !== sessionId && here(other)), sessionId];
-  for (const old of shown.slice(0, -KEPT)) {
+  const isLoaded = (other: string): boolean => other in conversations || other in drafts;
+  recentSessionIds = [
+    ...recentSessionIds.filter((other) => other !== sessionId && isLoaded(other)),
+    sessionId,
+  ];
+  for (const old of recentSessionIds.slice(0, -RECENT_SESSIONS)) {
     const running = conversations[old]?.turn != null;
     if (!running && !(old in drafts)) forgetSession(old);
   }
@@ -171,11 +170,11 @@ function putOnScreen(sessionId: string): void {
 export async function openSession(sessionId: string): Promise<boolean> {
   const { attached, drafts } = getState();
   setState({ currentId: sessionId, opening: !attached.has(sessionId) });
-  putOnScreen(sessionId);
-  const peer = agent;
-  if (attached.has(sessionId) || sessionId in drafts || peer === null) return true;
+  markAsRecent(sessionId);
+  const agent = getAgent();
+  if (attached.has(sessionId) || sessionId in drafts || agent === null) return true;
   try {
-    await load(peer, sessionId);
+    await loadSession(agent, sessionId);
     return true;
   } catch (error) {
     if (!(error instanceof RequestError)) throw error;
@@ -188,13 +187,13 @@ export async function openSession(sessionId: string): Promise<boolean> {
   }
 }
 
-/** Replays a session and watches it from then on. Throws `RequestError` when the agent knows none. */
-export async function load(peer: ClientContext, sessionId: string): Promise<void> {
+/** Replays a session and watches it from then on. Throws `RequestError` when the agent knows no such session. */
+export async function loadSession(agent: ClientContext, sessionId: string): Promise<void> {
   setState((state) => ({ drafts: { ...state.drafts, [sessionId]: EMPTY } }));
   try {
-    attach(
+    addSession(
       sessionId,
-      await peer.request(methods.agent.session.load, { sessionId, cwd: CWD, mcpServers: [] }),
+      await agent.request(methods.agent.session.load, { sessionId, cwd: CWD, mcpServers: [] }),
     );
   } catch (error) {
     forgetDraft(sessionId);
@@ -202,27 +201,30 @@ export async function load(peer: ClientContext, sessionId: string): Promise<void
   }
 }
 
-/** Watches a session without showing it, to be asked its questions. */
+/** Watches a session without showing it, so that its permission requests come here. */
 export async function watchSession(sessionId: string): Promise<void> {
+  const agent = getAgent();
   if (agent === null || sessionId in getState().drafts) return;
-  // Gone, or the connection is: there is nothing to watch.
-  await load(agent, sessionId).catch(() => undefined);
+  // Without the session or the connection there is nothing to watch.
+  await loadSession(agent, sessionId).catch(() => undefined);
   await listSessions().catch(() => undefined);
 }
 
-/** Lets go of a session that is not on the screen: what comes of it is not kept any more. */
+/** Stops watching a session that is not on the screen, and drops what the page knows of it. */
 export function forgetSession(sessionId: string): void {
   const { currentId, questions } = getState();
   if (sessionId === currentId || questions.some((question) => question.sessionId === sessionId)) return;
-  forgetAsked(sessionId);
+  forgetAskedCalls(sessionId);
   setState((state) => {
     const { [sessionId]: _, ...conversations } = state.conversations;
     const attached = new Set(state.attached);
     attached.delete(sessionId);
     return { conversations, attached };
   });
-  // An agent that does not know this goes on sending, and that is dropped.
-  agent?.request("_robot/leave", { sessionId }).catch(() => undefined);
+  // An agent that does not know this method keeps sending updates, which `updateConversation` drops.
+  getAgent()
+    ?.request(METHODS.leave, { sessionId })
+    .catch(() => undefined);
 }
 
 function forgetDraft(sessionId: string): void {
@@ -234,28 +236,30 @@ function forgetDraft(sessionId: string): void {
 
 /** Begins a session, or stays in the current one while nothing has happened in it. */
 export async function newSession(): Promise<void> {
+  const agent = getAgent();
   const { currentId, conversations, attached } = getState();
   if (agent === null) return;
   if (currentId !== null && attached.has(currentId) && conversations[currentId]?.items.length === 0) return;
   const answer = await agent.request(methods.agent.session.new, { cwd: CWD, mcpServers: [] });
-  attach(answer.sessionId, answer);
-  if (getState().currentId !== currentId) return; // somebody has chosen another one meanwhile
+  addSession(answer.sessionId, answer);
+  if (getState().currentId !== currentId) return; // somebody has opened another session meanwhile
   setState({ currentId: answer.sessionId, opening: false });
-  putOnScreen(answer.sessionId);
+  markAsRecent(answer.sessionId);
 }
 
 function withoutSession({ sessions, found }: State, sessionId: string): Pick<State, "sessions" | "found"> {
-  const others = (known: { sessionId: string }): boolean => known.sessionId !== sessionId;
+  const isOther = (known: { sessionId: string }): boolean => known.sessionId !== sessionId;
   return {
-    sessions: sessions.filter(others),
-    found: found && { ...found, sessions: found.sessions.filter(others) },
+    sessions: sessions.filter(isOther),
+    found: found && { ...found, sessions: found.sessions.filter(isOther) },
   };
 }
 
 export async function deleteSession(sessionId: string): Promise<void> {
+  const agent = getAgent();
   if (agent === null) return;
   await agent.request(methods.agent.session.delete, { sessionId });
-  forgetAsked(sessionId);
+  forgetAskedCalls(sessionId);
   setState((state) => {
     const { [sessionId]: _, ...conversations } = state.conversations;
     const attached = new Set(state.attached);
@@ -267,41 +271,43 @@ export async function deleteSession(sessionId: string): Promise<void> {
       ...(state.currentId === sessionId ? { currentId: null } : {}),
     };
   });
-  if (getState().currentId === null) await openFirst(true);
+  if (getState().currentId === null) await openFirstSession(true);
 }
 
 /** Sends a prompt in the session on the screen and returns when its turn is over. */
 export async function prompt(text: string, author: string): Promise<void> {
+  const agent = getAgent();
   const sessionId = getState().currentId;
   if (agent === null || sessionId === null) return;
-  setState((state) => ({ sessions: withCurrent(state.sessions, sessionId, text) }));
-  await send(agent, sessionId, text, author);
+  setState((state) => ({ sessions: promptedFirst(state.sessions, sessionId, text) }));
+  await sendPrompt(agent, sessionId, text, author);
   await listSessions().catch(() => undefined);
 }
 
 /** Sends a prompt and returns when its turn is over. */
-export async function send(
-  peer: ClientContext,
+export async function sendPrompt(
+  agent: ClientContext,
   sessionId: string,
   text: string,
   author: string,
 ): Promise<void> {
-  change(sessionId, (conversation) => promptSent(conversation, text, author, agentNow()));
+  updateConversation(sessionId, (conversation) => promptSent(conversation, text, author, agentNow()));
   try {
-    const answer = await peer.request(methods.agent.session.prompt, {
+    const answer = await agent.request(methods.agent.session.prompt, {
       sessionId,
       prompt: [{ type: "text", text }],
     });
-    change(sessionId, (conversation) => promptEnded(conversation, answer.stopReason, agentNow()));
+    updateConversation(sessionId, (conversation) => promptEnded(conversation, answer.stopReason, agentNow()));
   } catch (error) {
-    // A lost connection ends no turn: loading the session again will tell how it stands.
-    if (!(error instanceof RequestError) || agent !== peer) return;
-    change(sessionId, (conversation) => promptFailed(conversation, error.message));
+    // A lost connection ends no turn: loading the session again shows whether it still runs.
+    if (!(error instanceof RequestError) || getAgent() !== agent) return;
+    updateConversation(sessionId, (conversation) => promptFailed(conversation, error.message));
   }
   closeQuestionsOf(sessionId);
 }
 
-function withCurrent(
+/** The list with the session that was just prompted at its top. */
+function promptedFirst(
   sessions: ReturnType<typeof getState>["sessions"],
   sessionId: string,
   text: string,
@@ -315,19 +321,22 @@ function withCurrent(
 }
 
 export async function cancelTurn(): Promise<void> {
+  const agent = getAgent();
   const sessionId = getState().currentId;
   if (agent === null || sessionId === null) return;
-  change(sessionId, cancelAsked);
+  updateConversation(sessionId, cancelRequested);
   await agent.notify(methods.agent.session.cancel, { sessionId });
 }
 
-export async function choose(setting: Setting, value: string): Promise<void> {
+/** Sets the mode or the model of the session on the screen. */
+export async function applySetting(setting: Setting, value: string): Promise<void> {
+  const agent = getAgent();
   const sessionId = getState().currentId;
   if (agent === null || sessionId === null) return;
   try {
     if (setting.configId === null) {
       await agent.request(methods.agent.session.setMode, { sessionId, modeId: value });
-      change(sessionId, (conversation) =>
+      updateConversation(sessionId, (conversation) =>
         conversation.modes
           ? { ...conversation, modes: { ...conversation.modes, current: value } }
           : conversation,
@@ -339,7 +348,7 @@ export async function choose(setting: Setting, value: string): Promise<void> {
         configId,
         value,
       });
-      change(sessionId, (conversation) => ({ ...conversation, options: answer.configOptions }));
+      updateConversation(sessionId, (conversation) => ({ ...conversation, options: answer.configOptions }));
     }
   } catch (error) {
     if (error instanceof RequestError) toast("danger", error.message, "en");

@@ -1,16 +1,17 @@
-/** What the robot did and does, below the map: folded or not, as the person left it. What is in it is loaded when it is seen. */
+/** The panel below the map with the turn, the plots and the log. Its content is loaded when it is first opened. */
 import { ChevronDown, ChevronUp } from "lucide-react";
 import { lazy, Suspense, useState } from "react";
 import { useTranslation } from "react-i18next";
+import { activityStorageKey, readStored, writeStored } from "../../browser-storage";
 import type { Layout } from "../../hooks/use-layout";
 
 const ActivityBody = lazy(() => import("./activity-body"));
 
-/** `hidden` is for a phone, where the panel is a view of its own and is never folded. */
+/** `hidden` is for a phone, where the panel is a view of its own and cannot be folded. */
 export function ActivityPanel({ layout, hidden }: { layout: Layout; hidden: boolean }) {
   const { t } = useTranslation();
   const phone = layout === "phone";
-  const [open, setOpen] = useFolded(layout);
+  const [open, setOpen] = useStoredOpen(layout);
   const shown = phone ? !hidden : open;
   return (
     <section
@@ -45,27 +46,19 @@ export function ActivityPanel({ layout, hidden }: { layout: Layout; hidden: bool
   );
 }
 
-/** A wide window has room for it, so it begins open there. */
-function useFolded(layout: Layout): [boolean, (open: boolean) => void] {
-  const key = `robot-acp/activity-${layout}`;
+/** Open or closed as this browser stored it for the layout; a wide window has room for it, so there it begins open. */
+function useStoredOpen(layout: Layout): [open: boolean, setOpen: (open: boolean) => void] {
+  const key = activityStorageKey(layout);
   const [choices, setChoices] = useState<Record<string, boolean>>({});
-  const open = choices[key] ?? remembered(key) ?? layout === "wide";
-  const choose = (next: boolean): void => {
+  const open = choices[key] ?? storedChoice(key) ?? layout === "wide";
+  const setOpen = (next: boolean): void => {
     setChoices((all) => ({ ...all, [key]: next }));
-    try {
-      window.localStorage.setItem(key, String(next));
-    } catch {
-      // A browser may forbid it; then it holds until the page is loaded again.
-    }
+    writeStored(key, String(next));
   };
-  return [open, choose];
+  return [open, setOpen];
 }
 
-function remembered(key: string): boolean | null {
-  try {
-    const kept = window.localStorage.getItem(key);
-    return kept === null ? null : kept === "true";
-  } catch {
-    return null;
-  }
+function storedChoice(key: string): boolean | null {
+  const stored = readStored(key);
+  return stored === null ? null : stored === "true";
 }

@@ -2,11 +2,11 @@
 import { ChevronRight } from "lucide-react";
 import { memo, useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
-import { isRecord } from "../../wire/meta";
 import { readEvents } from "../../acp/events/event-pages";
 import { clock } from "../../i18n/format";
 import type { Row } from "../../state/log-rows";
 import { DataView } from "../controls/data-view";
+import { isRecord } from "../../wire/fields";
 
 const LONGEST = 600;
 
@@ -15,7 +15,7 @@ export const LogRow = memo(function LogRow(props: { row: Row; name: string; sess
   const [open, setOpen] = useState(false);
   const end = useEnd(row);
   const text = end ?? row.text;
-  const othersAt = end === null ? row.othersAt : end.length;
+  const foreignFrom = end === null ? row.foreignFrom : end.length;
   return (
     <li className="log-row" data-testid="log-row" data-seq={row.seq} data-kind={row.kind}>
       <button type="button" className="log-line" aria-expanded={open} onClick={() => setOpen(!open)}>
@@ -24,8 +24,8 @@ export const LogRow = memo(function LogRow(props: { row: Row; name: string; sess
         <span className="log-time">{clock(row.at)}</span>
         <span className="log-kind">{name}</span>
         <span className="log-text">
-          {text.slice(0, othersAt)}
-          {othersAt < text.length && <span lang="">{text.slice(othersAt)}</span>}
+          {text.slice(0, foreignFrom)}
+          {foreignFrom < text.length && <span lang="">{text.slice(foreignFrom)}</span>}
         </span>
       </button>
       {open && <Details seq={row.seq} sessionId={sessionId} />}

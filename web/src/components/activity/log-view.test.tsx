@@ -2,10 +2,11 @@
 import type { ClientContext } from "@agentclientprotocol/sdk";
 import { act, fireEvent, render, screen, waitFor } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
-import { tell } from "../../acp/events/event-feed";
-import { setAgent } from "../../acp/sessions/sessions";
+import { publish } from "../../acp/events/event-feed";
 import { INITIAL, setState } from "../../state/store";
 import { LogView } from "./log-view";
+import { setAgent } from "../../acp/connection/agent";
+import { META } from "../../wire/meta";
 
 const update = { sessionUpdate: "agent_message_chunk", content: { type: "text", text: "words" } } as const;
 let last: number;
@@ -46,7 +47,7 @@ const shows = (first: number, end: number): Promise<void> =>
 function come(count: number): void {
   for (let number = 0; number < count; number++) {
     last++;
-    tell({ sessionId: "s1", update, _meta: { "robot-acp/seq": last, "robot-acp/at": 1 } });
+    publish({ sessionId: "s1", update, _meta: { [META.seq]: last, [META.at]: 1 } });
   }
 }
 

@@ -6,14 +6,14 @@ import { ChevronFirst, ChevronLast, ChevronLeft, ChevronRight, Download, Search 
 import { useEffect, useMemo, useState, useSyncExternalStore } from "react";
 import { useTranslation } from "react-i18next";
 import { EventLog, type Snapshot } from "../../acp/events/event-log";
-import { listen } from "../../acp/events/event-feed";
-import { asLines, readEvents } from "../../acp/events/event-pages";
+import { subscribeToEvents } from "../../acp/events/event-feed";
+import { exportEvents, readEvents } from "../../acp/events/event-pages";
 import { useStickToEnd } from "../../hooks/use-stick-to-end";
 import {
   FILTERS,
   fileName,
   LONGEST_PAGE,
-  matching,
+  filterRows,
   PAGE,
   pageOf,
   startOf,
@@ -28,7 +28,7 @@ const ALL: ReadonlySet<Filter> = new Set(FILTERS);
 
 export function LogView({ sessionId }: { sessionId: string }) {
   const { t } = useTranslation();
-  const { rows, standing } = useEventLog(sessionId);
+  const { rows, status } = useEventLog(sessionId);
   const [kinds, setKinds] = useState(ALL);
   const [words, setWords] = useState("");
   /** The number of the first event of the page that is on the screen; null for the newest page, whichever that is. */
@@ -38,7 +38,7 @@ export function LogView({ sessionId }: { sessionId: string }) {
   /** What looking for something gave, for those who do not see the list; what comes later is not announced. */
   const [said, setSaid] = useState("");
   const nameOf = useMemo(() => (kind: Kind) => t(`logKind.${kind}`), [t]);
-  const found = useMemo(() => matching(rows, kinds, words, nameOf), [rows, kinds, words, nameOf]);
+  const found = useMemo(() => filterRows(rows, kinds, words, nameOf), [rows, kinds, words, nameOf]);
 
   const turnTo = (to: number | null): void => {
     setFrom(to);
@@ -48,7 +48,7 @@ export function LogView({ sessionId }: { sessionId: string }) {
     setKinds(nextKinds);
     setWords(nextWords);
     turnTo(null);
-    const count = matching(rows, nextKinds, nextWords, nameOf).length;
+    const count = filterRows(rows, nextKinds, nextWords, nameOf).length;
     setSaid(t("log.count", { found: count, all: rows.length }));
   };
   const toggle = (filter: Filter): void => {
@@ -86,11 +86,11 @@ export function LogView({ sessionId }: { sessionId: string }) {
           ))}
         </div>
       </div>
-      {standing === "none" ? (
+      {status === "unavailable" ? (
         <p className="muted small log-none">{t("log.unavailable")}</p>
       ) : found.length === 0 ? (
         <p className="muted small log-none" role="status">
-          {t(standing === "reading" ? "log.reading" : rows.length === 0 ? "log.empty" : "log.noneFound")}
+          {t(status === "reading" ? "log.reading" : rows.length === 0 ? "log.empty" : "log.noneFound")}
         </p>
       ) : (
         <LogPage key={turns} rows={found} from={from} sessionId={sessionId} nameOf={nameOf} />
@@ -99,10 +99,10 @@ export function LogView({ sessionId }: { sessionId: string }) {
         <span className="muted small" data-testid="log-count">
           {t("log.count", { found: found.length, all: rows.length })}
           {(rows[0]?.seq ?? 1) > 1 && ` ${t("log.older")}`}
-          {standing === "behind" && ` ${t("log.behind")}`}
+          {status === "behind" && ` ${t("log.behind")}`}
         </span>
         <span className="sr-only" role="status" data-testid="log-said">
-          {standing === "behind" ? t("log.behind") : said}
+          {status === "behind" ? t("log.behind") : said}
         </span>
         <Pages rows={found} from={from} onPage={turnTo} />
       </div>
@@ -113,11 +113,14 @@ export function LogView({ sessionId }: { sessionId: string }) {
 function useEventLog(sessionId: string): Snapshot {
   const [log] = useState(() => new EventLog((after) => readEvents(sessionId, after)));
   const online = useStore((state) => state.link.status === "online" && state.attached.has(sessionId));
-  useEffect(() => listen((where, event) => where === sessionId && log.take(event)), [log, sessionId]);
+  useEffect(
+    () => subscribeToEvents((where, event) => where === sessionId && log.receive(event)),
+    [log, sessionId],
+  );
   useEffect(() => {
     if (online) void log.catchUp();
   }, [log, online]);
-  return useSyncExternalStore(log.watch, log.get);
+  return useSyncExternalStore(log.subscribe, log.getSnapshot);
 }
 
 /**
@@ -211,7 +214,7 @@ function Export({ sessionId, empty }: { sessionId: string; empty: boolean }) {
     try {
       const state = getState();
       const title = state.conversations[sessionId]?.title ?? null;
-      download(await asLines(sessionId), fileName(robotName(state), title, sessionId, new Date()));
+      download(await exportEvents(sessionId), fileName(robotName(state), title, sessionId, new Date()));
     } catch {
       toast("danger", t("log.exportFailed"));
     } finally {

@@ -17,15 +17,15 @@ export function TurnView() {
   const timeline = useStore((state) =>
     state.currentId === null ? null : (state.conversations[state.currentId]?.timeline ?? null),
   );
-  const heardUntil = useStore((state) => state.heardUntil);
+  const silentSince = useStore((state) => state.silentSince);
   return (
     <section className="turn" aria-label={t("timeline.title")} data-testid="timeline">
       {timeline === null ? (
         <p className="muted small">{t("timeline.none")}</p>
       ) : timeline.ended !== null ? (
         <Shown timeline={timeline} now={timeline.ended} state={timeline.measured ? "measured" : "seen"} />
-      ) : heardUntil !== null ? (
-        <Shown timeline={timeline} now={heardUntil} state="lost" />
+      ) : silentSince !== null ? (
+        <Shown timeline={timeline} now={silentSince} state="lost" />
       ) : (
         <Growing timeline={timeline} />
       )}

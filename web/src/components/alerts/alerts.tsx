@@ -3,8 +3,8 @@ import { BatteryWarning, ShieldAlert, X } from "lucide-react";
 import { useTranslation } from "react-i18next";
 import { useShallow } from "zustand/react/shallow";
 import { clock, percent } from "../../i18n/format";
-import { alerts, isBelowFloor, type AlertKind, type Hidden } from "../../state/alerts";
-import { robotName, setState, useStore } from "../../state/store";
+import { alerts, isBelowFloor, type AlertKind } from "../../state/alerts";
+import { robotName, setState, useStore, type HiddenAlerts } from "../../state/store";
 import { ConnectionBand, RobotBand, SilentBand } from "./connection-band";
 import { panes } from "../controls/panes";
 import { StopBand, StopFailed } from "./stop-band";
@@ -70,7 +70,7 @@ function BatteryBand() {
   );
 }
 
-function hide(alert: Partial<Hidden>): void {
+function hide(alert: Partial<HiddenAlerts>): void {
   panes()?.focus();
   setState(({ hidden }) => ({ hidden: { ...hidden, ...alert } }));
 }

@@ -1,7 +1,7 @@
 /** What is cut off right now, and what happens next: the network, the agent, or the robot. */
 import { CloudOff, Unplug } from "lucide-react";
 import { useTranslation } from "react-i18next";
-import { tryNow } from "../../acp/connection/connection";
+import { reconnectNow } from "../../acp/connection/connection";
 import { useNow } from "../../hooks/use-now";
 import { robotName, useStore } from "../../state/store";
 
@@ -53,7 +53,7 @@ export function SilentBand() {
 function TryNow() {
   const { t } = useTranslation();
   return (
-    <button type="button" className="button on-plain" onClick={tryNow}>
+    <button type="button" className="button on-plain" onClick={reconnectNow}>
       {t("connection.tryNow")}
     </button>
   );

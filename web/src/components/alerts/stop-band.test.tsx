@@ -18,7 +18,7 @@ it("is said to hold only while the robot is heard, and can be released all the t
   render(<Alerts />);
   const band = screen.getByTestId("stop-band");
   expect(band.textContent).toContain("Sancho does not move or speak until this is released.");
-  act(() => setState({ heardUntil: 8 }));
+  act(() => setState({ silentSince: 8 }));
   expect(band.textContent).toContain("Stopped by Ana at");
   expect(band.textContent).not.toContain("does not move");
   expect(band.textContent).toContain("Whether it still is stopped is not known here.");
@@ -29,7 +29,7 @@ it("is one that was, on the screen of a visitor", () => {
   render(<Notices onStopAgain={() => undefined} />);
   const band = screen.getByTestId("kiosk-stopped");
   expect(band.textContent).toContain("Sancho is stopped.");
-  act(() => setState({ heardUntil: 8 }));
+  act(() => setState({ silentSince: 8 }));
   expect(band.textContent).not.toContain("is stopped.");
   expect(band.textContent).toContain("Sancho was stopped.");
   expect(band.textContent).toContain("Whether it still is stopped is not known here.");

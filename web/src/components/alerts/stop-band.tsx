@@ -12,7 +12,7 @@ import { panes } from "../controls/panes";
 export function StopBand() {
   const { t } = useTranslation();
   const stop = useStore((state) => state.stop);
-  const heard = useStore((state) => state.heardUntil === null);
+  const heard = useStore((state) => state.silentSince === null);
   const robot = useStore(robotName);
   const me = useMe();
   if (stop === null) return null;

@@ -3,7 +3,7 @@ import { Check } from "lucide-react";
 import { Checkbox } from "radix-ui";
 import { useId } from "react";
 
-export function Tick(props: {
+export function CheckboxField(props: {
   label: string;
   checked: boolean;
   onChange: (checked: boolean) => void;

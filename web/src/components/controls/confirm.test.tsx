@@ -2,11 +2,11 @@
 import { act, fireEvent, render, screen, waitFor } from "@testing-library/react";
 import type { ClientContext } from "@agentclientprotocol/sdk";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
-import { setAgent } from "../../acp/sessions/sessions";
 import { INITIAL, setState } from "../../state/store";
 import { PANES_ID } from "./panes";
 import { SessionPane } from "../sessions/session-pane";
 import { StopBand } from "../alerts/stop-band";
+import { setAgent } from "../../acp/connection/agent";
 
 const focused = (): Element | null => document.activeElement;
 

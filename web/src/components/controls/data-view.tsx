@@ -1,8 +1,8 @@
 /** Data of a tool for people: names and values, tables of equal things; no brackets, no quotes. */
 import { useTranslation } from "react-i18next";
-import { isRecord } from "../../wire/meta";
 import { clock } from "../../i18n/format";
-import { argumentWords } from "../../i18n/agent-terms";
+import { argumentName } from "../../i18n/agent-terms";
+import { isRecord } from "../../wire/fields";
 
 const DEEPEST = 4;
 
@@ -22,7 +22,7 @@ function useText(): (value: unknown) => string {
     if (Array.isArray(value)) return value.length === 0 ? t("tool.nothing") : value.map(text).join(", ");
     if (isRecord(value)) {
       return Object.entries(value)
-        .map(([key, inner]) => `${argumentWords(key)} ${text(inner)}`)
+        .map(([key, inner]) => `${argumentName(key)} ${text(inner)}`)
         .join(", ");
     }
     return "";
@@ -50,7 +50,7 @@ export function DataView({ value, depth = 0 }: { value: unknown; depth?: number 
       <dl className="data">
         {Object.entries(value).map(([key, inner]) => (
           <div key={key} data-block={!isSmall(inner)}>
-            <dt>{argumentWords(key)}</dt>
+            <dt>{argumentName(key)}</dt>
             <dd>
               <DataView value={inner} depth={depth + 1} />
             </dd>
@@ -72,7 +72,7 @@ function DataTable({ rows }: { rows: Record<string, unknown>[] }) {
           <tr>
             {columns.map((column) => (
               <th key={column} scope="col">
-                {argumentWords(column)}
+                {argumentName(column)}
               </th>
             ))}
           </tr>

@@ -1,10 +1,10 @@
 /** Taking the robot over from somebody: never without saying what ends by it, and what the robot does then. */
 import { useState, type ReactNode } from "react";
 import { useTranslation } from "react-i18next";
-import { takeOver } from "../../wire/people";
-import { consequences } from "../../state/people";
+import { takeOverConsequences } from "../../state/people";
 import { robotName, useMe, useStore } from "../../state/store";
 import { Confirm } from "./confirm";
+import { takeOver } from "../../acp/sessions/take-over";
 
 /**
  * `ask` opens the confirmation, which is to be shown as `dialog`. `next` is the session that is to have the robot, if
@@ -20,7 +20,7 @@ export function useTakeOver(next: string | null): { ask: () => void; dialog: Rea
   const open = turn !== null && turn.sessionId === meant;
   // Else it would open by itself when that session has the robot again.
   if (meant !== null && !open) setMeant(null);
-  const told = turn && consequences(turn, driving, me.name, next);
+  const told = turn && takeOverConsequences(turn, driving, me.name, next);
   const words = told && [
     t(`people.${told.ends}`, { name: told.holder }),
     t(`people.${told.then}`, { robot, name: told.next ?? "" }),

@@ -2,11 +2,11 @@
 import { fireEvent, render, screen } from "@testing-library/react";
 import { beforeEach, describe, expect, it, vi } from "vitest";
 import * as sessions from "../../acp/sessions/sessions";
-import type { Role } from "../../api/http";
 import { EMPTY } from "../../state/conversation/conversation";
 import { INITIAL, setState, type State } from "../../state/store";
 import { Composer } from "./composer";
 import { useComposerText } from "./composer-text";
+import type { Role } from "../../wire/bridge";
 
 vi.mock("../../acp/sessions/sessions", () => ({
   prompt: vi.fn(() => Promise.resolve()),

@@ -3,7 +3,7 @@ import { CircleStop, SendHorizontal } from "lucide-react";
 import { useLayoutEffect, useRef, type KeyboardEvent } from "react";
 import { useTranslation } from "react-i18next";
 import { cancelTurn, prompt } from "../../acp/sessions/sessions";
-import { useWhyNot } from "../../hooks/use-prompt-obstacle";
+import { usePromptObstacle } from "../../hooks/use-prompt-obstacle";
 import { conversationOf, robotName, useMe, useStore } from "../../state/store";
 import { COMPOSER_ID, useComposerText } from "./composer-text";
 
@@ -13,7 +13,7 @@ export function Composer() {
   const robot = useStore(robotName);
   const text = useComposerText((state) => state.text);
   const turn = useStore((state) => conversationOf(state).turn);
-  const reason = useWhyNot();
+  const reason = usePromptObstacle();
   const online = useStore((state) => state.link.status === "online");
   const field = useRef<HTMLTextAreaElement>(null);
   // As high as its text, up to what the style sheet allows.

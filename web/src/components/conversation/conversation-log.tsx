@@ -21,7 +21,7 @@ export function ConversationLog() {
   const [seen, setSeen] = useState(made);
   const last = items.at(-1);
   const awaits = last?.kind === "tool" && last.waiting === "robot";
-  const heard = useStore((state) => state.heardUntil === null);
+  const heard = useStore((state) => state.silentSince === null);
   const asked = useStore((state) => state.questions.some(({ sessionId }) => sessionId === state.currentId));
 
   // What the reader sends is what the reader wants to see.

@@ -6,7 +6,7 @@ import { EMPTY, type Item, type ToolItem } from "../../state/conversation/conver
 import { INITIAL, setState, toast, type Question } from "../../state/store";
 import { ConversationLog } from "./conversation-log";
 import { QuestionCard } from "../questions/question-card";
-import { Quoting } from "../shared/sentence-with-quote";
+import { SentenceWithQuote } from "../shared/sentence-with-quote";
 import { StopFailed } from "../alerts/stop-band";
 import { Toasts } from "../dashboard/toasts";
 
@@ -135,7 +135,7 @@ it("a refusal of the server is English, and the page's own sentence is not", () 
 });
 
 it("marks the last mention, which is where a sentence has its values", () => {
-  render(<Quoting sentence="Decir: a" words="a" />);
+  render(<SentenceWithQuote sentence="Decir: a" quote="a" />);
   expect(screen.getByText("a").outerHTML).toBe('<span lang="">a</span>');
   expect(document.body.textContent).toBe("Decir: a");
 });

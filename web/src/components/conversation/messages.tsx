@@ -7,7 +7,7 @@ import type { ContentBlock } from "@agentclientprotocol/sdk";
 import type { AgentItem, NoteItem, UserItem } from "../../state/conversation/conversation";
 import { robotName, useMe, useStore } from "../../state/store";
 import { Picture, Sound } from "../shared/sound-player";
-import { Quoting } from "../shared/sentence-with-quote";
+import { SentenceWithQuote } from "../shared/sentence-with-quote";
 
 const Markdown = lazy(() => import("../shared/markdown"));
 
@@ -104,7 +104,11 @@ export function Note({ item }: { item: NoteItem }) {
       <p className="note note-danger" role="alert">
         <TriangleAlert aria-hidden />
         <span>
-          <Quoting sentence={t("note.failed", { reason: item.error })} words={item.error} lang="en" />
+          <SentenceWithQuote
+            sentence={t("note.failed", { reason: item.error })}
+            quote={item.error}
+            lang="en"
+          />
         </span>
       </p>
     );

@@ -47,11 +47,11 @@ it("is how far it is, while the robot is heard", () => {
 });
 
 it("is only that it was under way, once nothing is heard", () => {
-  act(() => setState({ heardUntil: 7 }));
+  act(() => setState({ silentSince: 7 }));
   expect(screen.queryByRole("progressbar")).toBeNull();
   expect(card().textContent).not.toContain("12.4 m");
   expect(card().textContent).toContain("was under way");
   expect(screen.queryByText("Sancho is at work …")).toBeNull();
-  act(() => setState({ heardUntil: null }));
+  act(() => setState({ silentSince: null }));
   expect(screen.getByRole("progressbar")).toBeDefined();
 });

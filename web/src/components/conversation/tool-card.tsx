@@ -15,16 +15,16 @@ import {
 import { Collapsible } from "radix-ui";
 import { useTranslation } from "react-i18next";
 import type { Decision } from "../../wire/meta";
-import { isRecord } from "../../wire/meta";
 import { metres, wholeSeconds } from "../../i18n/format";
-import { callWords, othersWords } from "../../i18n/agent-terms";
+import { callText, untranslatedPart } from "../../i18n/agent-terms";
 import type { ToolItem } from "../../state/conversation/conversation";
 import { useStore } from "../../state/store";
 import { outcomeOf, summaryOf, type Outcome } from "../../state/conversation/tool-summary";
 import { DataView } from "../controls/data-view";
 import { Picture, Sound } from "../shared/sound-player";
-import { Quoting } from "../shared/sentence-with-quote";
+import { SentenceWithQuote } from "../shared/sentence-with-quote";
 import { RobotAwaited } from "./waiting-for-robot";
+import { isRecord } from "../../wire/fields";
 
 const ICONS: Record<Outcome, typeof Ban> = {
   pending: CircleDashed,
@@ -44,10 +44,10 @@ export function ToolCard({ item }: { item: ToolItem }) {
     ),
   );
   const outcome = outcomeOf(item, asking || item.waiting === "permission");
-  const heard = useStore((state) => state.heardUntil === null);
+  const heard = useStore((state) => state.silentSince === null);
   const lost = outcome === "in_progress" && !heard;
   const summary = summaryOf(item, outcome);
-  const title = callWords(item);
+  const title = callText(item);
   const Icon = lost ? CircleQuestionMark : ICONS[outcome];
   return (
     <Collapsible.Root asChild>
@@ -62,7 +62,7 @@ export function ToolCard({ item }: { item: ToolItem }) {
         <div className="tool-head">
           <Icon aria-hidden className="tool-icon" />
           <span className="tool-title">
-            <Quoting sentence={title} words={othersWords(item)} />
+            <SentenceWithQuote sentence={title} quote={untranslatedPart(item)} />
           </span>
           <span className="tool-word">{t(`tool.${lost ? "lost" : outcome}`)}</span>
           {hasDetails(item) && (
@@ -103,7 +103,7 @@ function Progress({ item }: { item: ToolItem }) {
       <div
         className="track"
         role="progressbar"
-        aria-label={t("tool.progress", { title: callWords(item) })}
+        aria-label={t("tool.progress", { title: callText(item) })}
         aria-valuemin={0}
         aria-valuemax={100}
         aria-valuenow={value}
@@ -135,7 +135,7 @@ function Media({ item }: { item: ToolItem }) {
     if (part.type !== "content") return null;
     const block = part.content;
     if (block.type === "image") {
-      return <Picture key={index} data={block.data} mimeType={block.mimeType} title={callWords(item)} />;
+      return <Picture key={index} data={block.data} mimeType={block.mimeType} title={callText(item)} />;
     }
     return block.type === "audio" ? <Sound key={index} data={block.data} mimeType={block.mimeType} /> : null;
   });

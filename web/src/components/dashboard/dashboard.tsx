@@ -5,7 +5,7 @@ import { startDashboard } from "../../acp/screens/dashboard";
 import { recordSamples } from "../../acp/screens/record-samples";
 import { useAttention } from "../../attention/use-attention";
 import { useLayout } from "../../hooks/use-layout";
-import { callWords } from "../../i18n/agent-terms";
+import { callText } from "../../i18n/agent-terms";
 import { robotName, useStore } from "../../state/store";
 import { Alerts } from "../alerts/alerts";
 import { ActivityPanel } from "../activity/activity-panel";
@@ -66,8 +66,8 @@ function useDocumentTitle(): void {
   const robot = useStore(robotName);
   const count = useStore((state) => state.questions.length);
   const question = useStore((state) => state.questions[0] ?? null);
-  const what = question === null ? "" : callWords(question);
-  const stopped = useStore((state) => state.stop !== null && state.heardUntil === null);
+  const what = question === null ? "" : callText(question);
+  const stopped = useStore((state) => state.stop !== null && state.silentSince === null);
   useEffect(() => {
     if (count > 0) document.title = t("title.asks", { robot, count, what });
     else document.title = t(stopped ? "title.stopped" : "title.plain", { robot });

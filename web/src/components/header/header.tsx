@@ -20,15 +20,16 @@ import { useTranslation } from "react-i18next";
 import { logOut } from "../../acp/connection/connection";
 import type { Layout } from "../../hooks/use-layout";
 import { useRobotState } from "../../hooks/use-robot-state";
-import { LANGUAGES, speakAlways } from "../../i18n";
+import { LANGUAGES } from "../../i18n";
 import { fixed, percent, speed } from "../../i18n/format";
-import { callWords, othersWords } from "../../i18n/agent-terms";
+import { callText, untranslatedPart } from "../../i18n/agent-terms";
 import { robotName, useMe, useStore } from "../../state/store";
 import { Mark } from "../shared/mark";
 import { PeopleMenu } from "./people-menu";
-import { Quoting } from "../shared/sentence-with-quote";
+import { SentenceWithQuote } from "../shared/sentence-with-quote";
 import { SettingSelects } from "./setting-select";
 import { StopButton } from "../shared/stop-button";
+import { setAndStoreLanguage } from "../../i18n/page-language";
 
 const LOW_BATTERY = 0.2;
 
@@ -166,7 +167,7 @@ function QuestionChip({ onClick }: { onClick: () => void }) {
   const name = useStore(robotName);
   const question = useStore((state) => state.questions[0] ?? null);
   if (question === null) return null;
-  const what = callWords(question);
+  const what = callText(question);
   return (
     <button
       type="button"
@@ -180,7 +181,7 @@ function QuestionChip({ onClick }: { onClick: () => void }) {
         <strong>{t("question.asks", { robot: name })}</strong>
         {" · "}
         <span className="question-chip-what">
-          <Quoting sentence={what} words={othersWords(question)} />
+          <SentenceWithQuote sentence={what} quote={untranslatedPart(question)} />
         </span>
       </span>
     </button>
@@ -203,7 +204,7 @@ function MeMenu() {
       <DropdownMenu.Portal>
         <DropdownMenu.Content className="menu" align="end" sideOffset={4} collisionPadding={8}>
           <DropdownMenu.Label className="menu-label">{t("language.label")}</DropdownMenu.Label>
-          <DropdownMenu.RadioGroup value={i18n.language} onValueChange={speakAlways}>
+          <DropdownMenu.RadioGroup value={i18n.language} onValueChange={setAndStoreLanguage}>
             {LANGUAGES.map(({ code, name }) => (
               <DropdownMenu.RadioItem key={code} value={code} lang={code} className="menu-item menu-choice">
                 <DropdownMenu.ItemIndicator className="select-check">
@@ -250,7 +251,7 @@ function SettingsDialog() {
                 className="button"
                 lang={code}
                 aria-pressed={i18n.language === code}
-                onClick={() => speakAlways(code)}
+                onClick={() => setAndStoreLanguage(code)}
               >
                 {name}
               </button>

@@ -2,13 +2,14 @@
 import { act, fireEvent, render, screen } from "@testing-library/react";
 import { beforeEach, expect, it, vi } from "vitest";
 import { RequestError } from "@agentclientprotocol/sdk";
-import * as sessions from "../../acp/sessions/sessions";
+import { getAgent } from "../../acp/connection/agent";
 import { parseTelemetry } from "../../wire/telemetry";
 import { getState, INITIAL, setState } from "../../state/store";
 import { PeopleMenu } from "./people-menu";
+import { METHODS } from "../../wire/methods";
 
 const request = vi.fn();
-vi.mock("../../acp/sessions/sessions", () => ({ theAgent: vi.fn() }));
+vi.mock("../../acp/connection/agent", () => ({ getAgent: vi.fn() }));
 
 const ana = { name: "Ana", role: "operator" as const, connections: 1, sessions: [] };
 
@@ -29,7 +30,7 @@ beforeEach(() => {
     },
   );
   vi.clearAllMocks();
-  vi.mocked(sessions.theAgent).mockReturnValue({ request } as never);
+  vi.mocked(getAgent).mockReturnValue({ request } as never);
   setState({
     ...INITIAL,
     link: { status: "online" },
@@ -51,10 +52,10 @@ it("does not open by itself when the connection is back", () => {
 it("lists nobody as here while nothing is heard, and does not open by itself afterwards", () => {
   render(<PeopleMenu />);
   fireEvent.click(screen.getByTestId("people"));
-  act(() => setState({ heardUntil: 7, telemetry: null }));
+  act(() => setState({ silentSince: 7, telemetry: null }));
   expect(screen.queryByTestId("people-menu")).toBeNull();
   expect(screen.queryByTestId("people")).toBeNull();
-  act(() => setState({ heardUntil: null }));
+  act(() => setState({ silentSince: null }));
   expect(screen.getByTestId("people")).toBeDefined();
   expect(screen.queryByTestId("people-menu")).toBeNull();
 });
@@ -69,7 +70,7 @@ async function takesOver(): Promise<void> {
 it("names the turn that the person was asked about", async () => {
   request.mockResolvedValue({ from: "Ana" });
   await takesOver();
-  expect(request).toHaveBeenCalledExactlyOnceWith("_robot/take_over", { from: "s1" });
+  expect(request).toHaveBeenCalledExactlyOnceWith(METHODS.takeOver, { from: "s1" });
 });
 
 it("says who has the robot when that turn has ended meanwhile", async () => {

@@ -3,18 +3,18 @@ import { Bot, Eye, Hand, Headset, ShieldUser, UserRound, Users } from "lucide-re
 import { Popover } from "radix-ui";
 import { useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
-import type { Role } from "../../api/http";
-import { arranged, waitingSession, type Listed } from "../../state/people";
+import { sortPeople, waitingSession, type ListedPerson } from "../../state/people";
 import { canTakeOver } from "../../state/rights";
 import { robotName, useMe, useStore } from "../../state/store";
-import { Quoting } from "../shared/sentence-with-quote";
+import { SentenceWithQuote } from "../shared/sentence-with-quote";
 import { useTakeOver } from "../controls/use-take-over";
+import type { Role } from "../../wire/bridge";
 
 /** The chip. Those whom nobody tells who is here see who has the robot, and nothing to open. */
 export function PeopleMenu() {
   const { t } = useTranslation();
   // Who was here before the silence may have left.
-  const people = useStore((state) => (state.heardUntil === null ? state.people : null));
+  const people = useStore((state) => (state.silentSince === null ? state.people : null));
   const me = useMe();
   const turn = useStore((state) => state.telemetry?.turn ?? null);
   const [open, setOpen] = useState(false);
@@ -65,7 +65,7 @@ export function PeopleMenu() {
               }}
             />
             <ul className="people-list">
-              {arranged(people, turn, me).map((person) => (
+              {sortPeople(people, turn, me).map((person) => (
                 <Row key={`${person.role} ${person.name}`} person={person} />
               ))}
             </ul>
@@ -128,7 +128,7 @@ const ICONS: Record<Role, typeof Bot> = {
   viewer: Eye,
 };
 
-function Row({ person }: { person: Listed }) {
+function Row({ person }: { person: ListedPerson }) {
   const { t } = useTranslation();
   const robot = useStore(robotName);
   const Icon = ICONS[person.role];
@@ -175,11 +175,11 @@ function Watching({ sessions }: { sessions: string[] }) {
       {title === null ? (
         t("people.watches", { count: sessions.length })
       ) : (
-        <Quoting
+        <SentenceWithQuote
           sentence={
             count === 0 ? t("people.watchesOne", { title }) : t("people.watchesMore", { title, count })
           }
-          words={title}
+          quote={title}
         />
       )}
     </p>

@@ -2,7 +2,7 @@
 import { Check, ChevronDown } from "lucide-react";
 import { DropdownMenu } from "radix-ui";
 import { useTranslation } from "react-i18next";
-import { choose } from "../../acp/sessions/sessions";
+import { applySetting } from "../../acp/sessions/sessions";
 import { canConfigure } from "../../state/rights";
 import { modelSetting, modeSetting, type Setting } from "../../state/conversation/settings";
 import { conversationOf, useMe, useStore } from "../../state/store";
@@ -50,7 +50,7 @@ function SettingSelect(props: { testId: string; label: string; setting: Setting;
         <DropdownMenu.Content className="menu select-menu" align="start" sideOffset={4} collisionPadding={8}>
           <DropdownMenu.RadioGroup
             value={setting.current}
-            onValueChange={(value) => void choose(setting, value)}
+            onValueChange={(value) => void applySetting(setting, value)}
           >
             {setting.choices.map((choice) => (
               <DropdownMenu.RadioItem

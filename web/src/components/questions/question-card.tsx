@@ -7,18 +7,18 @@ import { BellRing, Route, ShieldQuestion, Volume2, VolumeX } from "lucide-react"
 import { useEffect, useId, useState, type MouseEvent } from "react";
 import { useTranslation } from "react-i18next";
 import type { PermissionOption } from "@agentclientprotocol/sdk";
-import { askAllowance, useAllowance } from "../../attention/notification";
-import { change, useAttentionSettings } from "../../attention/settings";
+import { requestNotificationPermission, useNotificationPermission } from "../../attention/notification";
+import { updateAttentionSettings, useAttentionSettings } from "../../attention/settings";
 import { useInFrontSince } from "../../hooks/use-in-front-since";
 import { useNow } from "../../hooks/use-now";
 import { fixed, metres } from "../../i18n/format";
-import { callWords, othersTitle, othersWords, toolWords } from "../../i18n/agent-terms";
+import { callText, untranslatedTitle, untranslatedPart, toolText } from "../../i18n/agent-terms";
 import { canApprove } from "../../state/rights";
 import { robotName, useMe, useStore, type Question } from "../../state/store";
-import { untold } from "../../state/conversation/remaining-arguments";
+import { remainingArguments } from "../../state/conversation/remaining-arguments";
 import { DataView } from "../controls/data-view";
-import { Quoting } from "../shared/sentence-with-quote";
-import { Tick } from "../controls/checkbox-field";
+import { SentenceWithQuote } from "../shared/sentence-with-quote";
+import { CheckboxField } from "../controls/checkbox-field";
 import { COMPOSER_ID, useComposerText } from "../conversation/composer-text";
 
 const DEAD_MS = 400;
@@ -71,7 +71,7 @@ export function QuestionCard({ question, count }: { question: Question; count: n
   const [alive, setAlive] = useState(false);
   const [every, setEvery] = useState(false);
   const inFrontSince = useInFrontSince();
-  const title = callWords(question);
+  const title = callText(question);
   const subject = question.subject ?? title;
   const ids = { title: useId(), text: useId(), what: useId() };
   const always = pick(question.options, true);
@@ -126,7 +126,11 @@ export function QuestionCard({ question, count }: { question: Question; count: n
       {/* A long text scrolls; whoever has only a keyboard must be able to read it to its end. */}
       {/* eslint-disable-next-line jsx-a11y/no-noninteractive-tabindex */}
       <p className="question-text" id={ids.text} tabIndex={0}>
-        {title === "" ? t("question.untitled") : <Quoting sentence={title} words={othersWords(question)} />}
+        {title === "" ? (
+          t("question.untitled")
+        ) : (
+          <SentenceWithQuote sentence={title} quote={untranslatedPart(question)} />
+        )}
       </p>
       <div id={ids.what}>
         <What question={question} />
@@ -144,13 +148,18 @@ export function QuestionCard({ question, count }: { question: Question; count: n
       <div className="question-actions">
         <div className="question-rule">
           {always.allow !== undefined && (
-            <Tick label={t("question.every")} checked={every} onChange={setEvery} testId="permission-every" />
+            <CheckboxField
+              label={t("question.every")}
+              checked={every}
+              onChange={setEvery}
+              testId="permission-every"
+            />
           )}
           <p className="muted small" data-testid="permission-rule" role="status">
             {every ? (
-              <Quoting
-                sentence={t("question.rule", { what: toolWords(question.tool, subject) })}
-                words={othersTitle(question.tool, subject)}
+              <SentenceWithQuote
+                sentence={t("question.rule", { what: toolText(question.tool, subject) })}
+                quote={untranslatedTitle(question.tool, subject)}
               />
             ) : (
               t("question.once")
@@ -186,7 +195,7 @@ export function QuestionCard({ question, count }: { question: Question; count: n
 function What({ question }: { question: Question }) {
   const { t } = useTranslation();
   const { preview } = question;
-  const rest = untold(question);
+  const rest = remainingArguments(question);
   return (
     <>
       {preview !== null && (
@@ -212,11 +221,11 @@ function What({ question }: { question: Question }) {
 function CallButtons() {
   const { t } = useTranslation();
   const sound = useAttentionSettings((settings) => settings.sound);
-  const allowance = useAllowance((state) => state.allowance);
+  const permission = useNotificationPermission((state) => state.permission);
   return (
     <span className="question-calls">
-      {allowance === "default" && (
-        <button type="button" className="button quiet" onClick={() => void askAllowance()}>
+      {permission === "default" && (
+        <button type="button" className="button quiet" onClick={() => void requestNotificationPermission()}>
           <BellRing aria-hidden /> {t("attention.notifyMe")}
         </button>
       )}
@@ -227,7 +236,7 @@ function CallButtons() {
         aria-label={t("attention.sound")}
         title={t(sound ? "attention.soundOn" : "attention.soundOff")}
         data-testid="permission-sound"
-        onClick={() => change({ sound: !sound })}
+        onClick={() => updateAttentionSettings({ sound: !sound })}
       >
         {sound ? <Volume2 aria-hidden /> : <VolumeX aria-hidden />}
       </button>
@@ -245,9 +254,9 @@ function QuestionPlace({ question }: { question: Question }) {
   if (here) return null;
   return (
     <span className="question-place muted">
-      <Quoting
+      <SentenceWithQuote
         sentence={t("question.elsewhere", { title: title ?? t("sessions.untitled") })}
-        words={title ?? ""}
+        quote={title ?? ""}
       />
     </span>
   );

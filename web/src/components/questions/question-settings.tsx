@@ -3,15 +3,15 @@ import { BellOff, BellRing, CircleCheck, CircleX } from "lucide-react";
 import { Popover } from "radix-ui";
 import { useEffect } from "react";
 import { useTranslation } from "react-i18next";
-import { learnAbilities } from "../../wire/abilities";
-import { askAllowance, useAllowance } from "../../attention/notification";
-import { change, useAttentionSettings } from "../../attention/settings";
+import { requestNotificationPermission, useNotificationPermission } from "../../attention/notification";
+import { updateAttentionSettings, useAttentionSettings } from "../../attention/settings";
 import { useLayout } from "../../hooks/use-layout";
-import { othersTitle, toolWords } from "../../i18n/agent-terms";
+import { untranslatedTitle, toolText } from "../../i18n/agent-terms";
 import { canApprove } from "../../state/rights";
 import { conversationOf, robotName, useMe, useStore } from "../../state/store";
-import { Quoting } from "../shared/sentence-with-quote";
-import { Tick } from "../controls/checkbox-field";
+import { SentenceWithQuote } from "../shared/sentence-with-quote";
+import { CheckboxField } from "../controls/checkbox-field";
+import { loadAbilities } from "../../acp/sessions/abilities";
 
 /** Behind a button where the line at the top has no room for it. */
 export function QuestionSettings() {
@@ -56,10 +56,10 @@ function Sections() {
     <div className="popover-sections">
       <section>
         <h3>{t("attention.title", { robot })}</h3>
-        <Tick
+        <CheckboxField
           label={t("attention.sound")}
           checked={sound}
-          onChange={(on) => change({ sound: on })}
+          onChange={(on) => updateAttentionSettings({ sound: on })}
           testId="setting-sound"
         />
         <Notifications />
@@ -75,27 +75,27 @@ function Sections() {
 function Notifications() {
   const { t } = useTranslation();
   const wanted = useAttentionSettings((settings) => settings.notify);
-  const allowance = useAllowance((state) => state.allowance);
-  switch (allowance) {
+  const permission = useNotificationPermission((state) => state.permission);
+  switch (permission) {
     case "granted":
       return (
-        <Tick
+        <CheckboxField
           label={t("attention.notify")}
           checked={wanted}
-          onChange={(on) => change({ notify: on })}
+          onChange={(on) => updateAttentionSettings({ notify: on })}
           testId="setting-notify"
         />
       );
     case "default":
       return (
-        <button type="button" className="button" onClick={() => void askAllowance()}>
+        <button type="button" className="button" onClick={() => void requestNotificationPermission()}>
           <BellRing aria-hidden /> {t("attention.notifyAsk")}
         </button>
       );
     default:
       return (
         <p className="muted small">
-          {t(allowance === "denied" ? "attention.notifyDenied" : "attention.notifyNone")}
+          {t(permission === "denied" ? "attention.notifyDenied" : "attention.notifyNone")}
         </p>
       );
   }
@@ -115,7 +115,7 @@ function Remembered() {
             {allowed ? <CircleCheck aria-hidden /> : <CircleX aria-hidden />}
             <span>
               <strong>
-                <Quoting sentence={toolWords(tool, title)} words={othersTitle(tool, title)} />
+                <SentenceWithQuote sentence={toolText(tool, title)} quote={untranslatedTitle(tool, title)} />
               </strong>
               : {t(`attention.${allowed ? "rememberedAllowed" : "rememberedRefused"}`)}
             </span>
@@ -131,7 +131,7 @@ function useTitles(): Record<string, string> {
   const abilities = useStore((state) => state.abilities);
   useEffect(() => {
     // When nobody can tell, the names have to do.
-    if (abilities === null) void learnAbilities();
+    if (abilities === null) void loadAbilities();
   }, [abilities]);
   return abilities?.titles ?? {};
 }

@@ -9,7 +9,7 @@ import { GoHere } from "./go-here";
 
 vi.mock("../../acp/sessions/sessions", () => ({
   prompt: vi.fn(() => Promise.resolve()),
-  theAgent: () => null,
+  getAgent: () => null,
 }));
 
 const onOver = vi.fn();

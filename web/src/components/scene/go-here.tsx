@@ -4,12 +4,12 @@
  */
 import { useEffect, useId, useRef, type KeyboardEvent, type ReactNode } from "react";
 import { useTranslation } from "react-i18next";
-import { learnAbilities } from "../../wire/abilities";
 import { prompt } from "../../acp/sessions/sessions";
-import { useWhyNot } from "../../hooks/use-prompt-obstacle";
+import { usePromptObstacle } from "../../hooks/use-prompt-obstacle";
 import { fixed } from "../../i18n/format";
 import { promptFor, type Destination } from "../../scene/destination";
 import { robotName, useMe, useStore } from "../../state/store";
+import { loadAbilities } from "../../acp/sessions/abilities";
 
 export interface GoHereProps {
   destination: Destination | null;
@@ -24,11 +24,11 @@ export function GoHere({ destination, refused, onDestination, onOver }: GoHerePr
   const { t } = useTranslation();
   const me = useMe();
   const robot = useStore(robotName);
-  const whyNot = useWhyNot();
+  const obstacle = usePromptObstacle();
   const words = useWords();
   const problemId = useId();
   const send = (): void => {
-    if (destination === null || whyNot !== null) return;
+    if (destination === null || obstacle !== null) return;
     void prompt(promptFor(destination), me.name);
     onOver(words(destination));
   };
@@ -56,7 +56,7 @@ export function GoHere({ destination, refused, onDestination, onOver }: GoHerePr
         type="submit"
         className="button primary"
         data-testid="go-here-go"
-        disabled={destination === null || whyNot !== null}
+        disabled={destination === null || obstacle !== null}
       >
         {t("goHere.go")}
       </button>
@@ -65,7 +65,7 @@ export function GoHere({ destination, refused, onDestination, onOver }: GoHerePr
         {destination === null ? "" : words(destination)}
       </p>
       <p className="scene-problem" id={problemId} role="status">
-        {whyNot === null ? refused : t(`goHere.${whyNot}`, { robot })}
+        {obstacle === null ? refused : t(`goHere.${obstacle}`, { robot })}
       </p>
     </form>
   );
@@ -97,7 +97,7 @@ function PlaceList({ destination, onDestination, describedBy }: PlaceListProps) 
   const online = useStore((state) => state.link.status === "online");
   useEffect(() => list.current?.focus(), []);
   useEffect(() => {
-    if (online) void learnAbilities();
+    if (online) void loadAbilities();
   }, [online]);
   const names = (places ?? [])
     .map(({ name }) => name)

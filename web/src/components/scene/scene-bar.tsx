@@ -2,9 +2,9 @@
 import { Camera, LocateFixed, Map, MapPin, ScanEye } from "lucide-react";
 import { useId, type Ref } from "react";
 import { useTranslation } from "react-i18next";
-import { VIEWS, type ShownView, type View } from "../../scene/scene-link";
 import { canPrompt } from "../../state/rights";
 import { useMe } from "../../state/store";
+import { VIEWS, type ShownView, type View } from "../../wire/scene";
 
 const ICONS = { follow: LocateFixed, top: ScanEye, map: Map };
 

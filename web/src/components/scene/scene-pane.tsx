@@ -4,7 +4,7 @@ import { useTranslation } from "react-i18next";
 import { degrees, fixed, metres, percent, wholeSeconds, speed } from "../../i18n/format";
 import { useRobotState } from "../../hooks/use-robot-state";
 import { robotName, useStore } from "../../state/store";
-import { Quoting } from "../shared/sentence-with-quote";
+import { SentenceWithQuote } from "../shared/sentence-with-quote";
 import { SceneView } from "./scene-view";
 
 /** `lazy`: the map costs power and data, so a phone loads it when it is looked at first, and keeps it then. */
@@ -82,7 +82,8 @@ function Doing() {
   const { t } = useTranslation();
   const state = useRobotState();
   const speaking = useStore((all) => all.telemetry?.speaking ?? null);
-  if (speaking !== null) return <Quoting sentence={t("scene.saying", { text: speaking })} words={speaking} />;
+  if (speaking !== null)
+    return <SentenceWithQuote sentence={t("scene.saying", { text: speaking })} quote={speaking} />;
   if (state.kind === "ready") return t("scene.standing");
   if (state.kind === "driving" && state.place !== null) return t("state.drivingTo", { place: state.place });
   return t(`state.${state.kind}`);

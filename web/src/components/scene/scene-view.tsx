@@ -3,19 +3,19 @@ import { useCallback, useRef, useState } from "react";
 import { flushSync } from "react-dom";
 import { useTranslation } from "react-i18next";
 import { useSceneLink, VIEWER } from "../../hooks/use-scene-link";
-import { keepCamera, keptCamera } from "../../scene/camera-choice";
+import { storeCameraChoice, storedCameraChoice } from "../../scene/camera-choice";
 import { destinationOf, type Destination } from "../../scene/destination";
-import type { Picked } from "../../scene/scene-link";
 import { toast } from "../../state/store";
 import { CameraView } from "./camera-view";
 import { GoHere } from "./go-here";
 import { Scene } from "../shared/scene-frame";
 import { SceneBar } from "./scene-bar";
+import type { PickedPoint } from "../../wire/scene";
 
 /** `alone`: nothing else is on the screen, as on a phone. */
 export function SceneView({ shown, alone }: { shown: boolean; alone: boolean }) {
   const { t } = useTranslation();
-  const [camera, setCamera] = useState(() => keptCamera() ?? !alone);
+  const [camera, setCamera] = useState(() => storedCameraChoice() ?? !alone);
   const [large, setLarge] = useState(false);
   const [going, setGoing] = useState(false);
   const [destination, setDestination] = useState<Destination | null>(null);
@@ -23,7 +23,7 @@ export function SceneView({ shown, alone }: { shown: boolean; alone: boolean }) 
   const goButton = useRef<HTMLButtonElement>(null);
   const cameraButton = useRef<HTMLButtonElement>(null);
   const bar = useRef<HTMLDivElement>(null);
-  const onPicked = useCallback((picked: Picked) => setDestination(destinationOf(picked)), []);
+  const onPicked = useCallback((picked: PickedPoint) => setDestination(destinationOf(picked)), []);
   const { view, show, pick } = useSceneLink(onPicked, setRefused);
 
   /** The keyboard goes on in the bar when what had it has left the screen. */
@@ -32,7 +32,7 @@ export function SceneView({ shown, alone }: { shown: boolean; alone: boolean }) 
     (wanted?.disabled === false ? wanted : first)?.focus();
   };
   const openCamera = (open: boolean): void => {
-    keepCamera(open);
+    storeCameraChoice(open);
     setCamera(open);
     setLarge(false);
   };

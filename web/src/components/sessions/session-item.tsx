@@ -5,8 +5,9 @@ import type { SessionInfo } from "@agentclientprotocol/sdk";
 import { openSession } from "../../acp/sessions/sessions";
 import { when } from "../../i18n/format";
 import { canPrompt } from "../../state/rights";
-import { mayDelete, ownerOf, worksIn } from "../../state/session-list";
+import { mayDelete, isWorking } from "../../state/session-list";
 import { useMe, useStore } from "../../state/store";
+import { ownerOf } from "../../wire/meta";
 
 export function SessionItem(props: {
   session: SessionInfo;
@@ -21,14 +22,14 @@ export function SessionItem(props: {
   const canDelete = useStore((state) => state.canDelete && state.link.status === "online");
   const asks = useStore((state) => state.questions.some(({ sessionId }) => sessionId === session.sessionId));
   const works = useStore((state) =>
-    worksIn(
+    isWorking(
       session,
       state.attached.has(session.sessionId) ? state.conversations[session.sessionId] : undefined,
       state.telemetry?.turn?.sessionId ?? null,
     ),
   );
   const title = session.title ?? t("sessions.untitled");
-  const owner = ownerOf(session);
+  const owner = ownerOf(session._meta);
   const Icon = asks ? CircleHelp : works ? LoaderCircle : MessageSquare;
   const choose = (): void => {
     openSession(session.sessionId).catch(() => undefined);

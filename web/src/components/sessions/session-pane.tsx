@@ -4,15 +4,15 @@ import { Dialog } from "radix-ui";
 import { useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
 import type { SessionInfo } from "@agentclientprotocol/sdk";
-import { findMore } from "../../acp/sessions/search";
+import { loadMoreResults } from "../../acp/sessions/search";
 import { deleteSession, listMoreSessions, newSession } from "../../acp/sessions/sessions";
 import { useNow } from "../../hooks/use-now";
-import { useSearch } from "../../hooks/use-session-search";
+import { useSessionSearch } from "../../hooks/use-session-search";
 import { canPrompt } from "../../state/rights";
-import { matches, wordsOf } from "../../state/session-list";
+import { matchesSearch, searchWords } from "../../state/session-list";
 import { toast, useMe, useStore } from "../../state/store";
 import { Confirm } from "../controls/confirm";
-import { Quoting } from "../shared/sentence-with-quote";
+import { SentenceWithQuote } from "../shared/sentence-with-quote";
 import { SessionItem } from "./session-item";
 import { SessionSearch } from "./session-search";
 
@@ -48,7 +48,7 @@ export function SessionDrawer(props: { open: boolean; onOpenChange: (open: boole
 function SessionList({ onChosen }: { onChosen: () => void }) {
   const { t } = useTranslation();
   const me = useMe();
-  const [words, setWords] = useSearch();
+  const [words, setWords] = useSessionSearch();
   const shown = useShown(words);
   const online = useStore((state) => state.link.status === "online");
   const [doomed, setDoomed] = useState<SessionInfo | null>(null);
@@ -101,9 +101,9 @@ function SessionList({ onChosen }: { onChosen: () => void }) {
         }}
         title={t("sessions.deleteTitle")}
         text={
-          <Quoting
+          <SentenceWithQuote
             sentence={t("sessions.deleteText", { title: doomed?.title ?? t("sessions.untitled") })}
-            words={doomed?.title ?? ""}
+            quote={doomed?.title ?? ""}
           />
         }
         no={t("sessions.keep")}
@@ -137,17 +137,17 @@ function useShown(search: string): Shown {
   const known = useStore((state) => state.sessionsKnown);
   const found = useStore((state) => state.found);
   const older = useStore((state) => state.moreSessions !== null);
-  const words = wordsOf(search).join(" ");
+  const words = searchWords(search).join(" ");
   if (words === "") {
     const text = known && sessions.length === 0 ? t("sessions.none") : "";
     return { sessions, more: older ? listMoreSessions : null, searching: !known, text };
   }
   const answered = found?.words === words;
   // An agent that does not know this search answers with the whole list.
-  const matching = (answered ? found.sessions : sessions).filter((session) => matches(session, words));
+  const matching = (answered ? found.sessions : sessions).filter((session) => matchesSearch(session, words));
   return {
     sessions: matching,
-    more: answered && found.more !== null ? findMore : null,
+    more: answered && found.more !== null ? loadMoreResults : null,
     searching: !answered,
     text: !answered
       ? t("people.searching")

@@ -2,7 +2,7 @@
 import { LogIn, RotateCw } from "lucide-react";
 import { useEffect, useState, type SubmitEvent } from "react";
 import { useTranslation } from "react-i18next";
-import { begin, logIn } from "../../acp/connection/connection";
+import { signInOnLoad, logIn } from "../../acp/connection/connection";
 import { isKiosk } from "../../screen";
 import type { LoginProblem } from "../../state/store";
 import { Mark } from "./mark";
@@ -31,7 +31,7 @@ export function LoginPage({ problem }: { problem: LoginProblem }) {
   // Nobody at a kiosk can be asked to try again.
   useEffect(() => {
     if (!isKiosk || problem !== "unreachable") return;
-    const timer = setInterval(() => void begin(), AGAIN_MS);
+    const timer = setInterval(() => void signInOnLoad(), AGAIN_MS);
     return () => clearInterval(timer);
   }, [problem]);
 
@@ -54,7 +54,7 @@ export function LoginPage({ problem }: { problem: LoginProblem }) {
           {t(isKiosk ? KIOSK[problem] : `login.${problem}`)}
         </p>
         {problem === "unreachable" ? (
-          <button type="button" className="button primary" onClick={() => void begin()}>
+          <button type="button" className="button primary" onClick={() => void signInOnLoad()}>
             <RotateCw aria-hidden /> {t("login.retry")}
           </button>
         ) : (

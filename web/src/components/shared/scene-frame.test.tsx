@@ -70,7 +70,7 @@ it("is waited for when it is not back yet", async () => {
 
 it("is loaded again when a line that had fallen silent was given up, whatever answered meanwhile", async () => {
   await shown();
-  tell({ heardUntil: 7 }, AWAY, { link: { status: "online" }, heardUntil: null });
+  tell({ silentSince: 7 }, AWAY, { link: { status: "online" }, silentSince: null });
   await waitFor(() => expect(loaded).toHaveBeenCalledOnce());
 });
 
@@ -78,6 +78,6 @@ it("stays as it is when the line was lost while the robot was heard", async () =
   const asked = vi.fn(answers);
   await shown();
   answers = asked;
-  tell({ heardUntil: 7 }, { heardUntil: null }, AWAY, { heardUntil: 8 }, { link: { status: "online" } });
+  tell({ silentSince: 7 }, { silentSince: null }, AWAY, { silentSince: 8 }, { link: { status: "online" } });
   expect(asked).not.toHaveBeenCalled();
 });

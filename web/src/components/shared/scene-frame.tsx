@@ -80,12 +80,12 @@ async function answers(address: string): Promise<boolean> {
 function onReturn(back: () => void): () => void {
   let away = false;
   let silent = false;
-  return useStore.subscribe(({ link, reachable, heardUntil }) => {
+  return useStore.subscribe(({ link, reachable, silentSince }) => {
     if (link.status !== "online") {
       away ||= silent || !reachable;
       return;
     }
-    silent = heardUntil !== null;
+    silent = silentSince !== null;
     if (away) {
       away = false;
       back();

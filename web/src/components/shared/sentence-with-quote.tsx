@@ -1,15 +1,16 @@
 /**
- * A sentence of the page with words in it that are not the page's: what people, models and tools say. Their language is
- * marked, so that a screen reader does not read them with the voice of the page's; `lang=""` is HTML's "nobody knows".
+ * A sentence of the page that quotes what a person, a model or a tool said. The quote's language is marked, so that a
+ * screen reader does not read it in the page's language; HTML's `lang=""` means that the language is unknown.
  */
-export function Quoting({ sentence, words, lang = "" }: { sentence: string; words: string; lang?: string }) {
-  const at = sentence.lastIndexOf(words);
-  if (words === "" || at < 0) return sentence;
+export function SentenceWithQuote(props: { sentence: string; quote: string; lang?: string }) {
+  const { sentence, quote, lang = "" } = props;
+  const at = sentence.lastIndexOf(quote);
+  if (quote === "" || at < 0) return sentence;
   return (
     <>
       {sentence.slice(0, at)}
-      <span lang={lang}>{words}</span>
-      {sentence.slice(at + words.length)}
+      <span lang={lang}>{quote}</span>
+      {sentence.slice(at + quote.length)}
     </>
   );
 }

@@ -4,13 +4,13 @@ import { useTranslation } from "react-i18next";
 import { cancelTurn } from "../../acp/sessions/sessions";
 import Markdown from "../../components/shared/markdown";
 import { safeType, Sound } from "../../components/shared/sound-player";
-import { Quoting } from "../../components/shared/sentence-with-quote";
+import { SentenceWithQuote } from "../../components/shared/sentence-with-quote";
 import { useConversation } from "../../hooks/use-conversation";
 import type { Item } from "../../state/conversation/conversation";
 import { conversationOf, robotName, useStore } from "../../state/store";
-import { exchange, othersIn } from "./robot-activity";
+import { exchange, untranslatedIn } from "./robot-activity";
 import { answerOf, pictures, sounds, textOf, thoughtOf } from "./exchange";
-import { useDoing, useDoingDetail, useDoingWords } from "./use-robot-activity";
+import { useRobotActivity, useActivityDetail, useActivityText } from "./use-robot-activity";
 
 export function Answer() {
   const { t } = useTranslation();
@@ -37,24 +37,24 @@ export function Answer() {
 
 function Status({ items }: { items: Item[] }) {
   const { t } = useTranslation();
-  const doing = useDoing();
-  const words = useDoingWords(doing);
-  const detail = useDoingDetail(doing);
-  const others = othersIn(doing);
+  const robotActivity = useRobotActivity();
+  const words = useActivityText(robotActivity);
+  const detail = useActivityDetail(robotActivity);
+  const others = untranslatedIn(robotActivity);
   const turn = useStore((state) => conversationOf(state).turn);
   const online = useStore((state) => state.link.status === "online");
-  const thought = doing.kind === "thinking" ? thoughtOf(items) : "";
-  const Icon = doing.kind === "permission" ? Hand : LoaderCircle;
+  const thought = robotActivity.kind === "thinking" ? thoughtOf(items) : "";
+  const Icon = robotActivity.kind === "permission" ? Hand : LoaderCircle;
   return (
-    <div className="kiosk-status" data-doing={doing.kind}>
+    <div className="kiosk-status" data-doing={robotActivity.kind}>
       <Icon aria-hidden />
       <div>
-        <h1 role="status" data-testid="kiosk-status" data-doing={doing.kind}>
-          <Quoting sentence={words} words={others.line} />
+        <h1 role="status" data-testid="kiosk-status" data-doing={robotActivity.kind}>
+          <SentenceWithQuote sentence={words} quote={others.line} />
         </h1>
         {detail !== "" && (
           <p className="kiosk-detail">
-            <Quoting sentence={detail} words={others.detail} />
+            <SentenceWithQuote sentence={detail} quote={others.detail} />
           </p>
         )}
         {thought !== "" && (
@@ -122,7 +122,7 @@ function End({ items, silent }: { items: Item[]; silent: boolean }) {
             : t("kiosk.cut");
   return words === false ? null : (
     <p className="kiosk-end" data-testid="kiosk-end">
-      <Quoting sentence={words} words={error ?? ""} lang="en" />
+      <SentenceWithQuote sentence={words} quote={error ?? ""} lang="en" />
     </p>
   );
 }

@@ -1,11 +1,12 @@
 /** The one large line of a kiosk. */
 import type { SessionUpdate } from "@agentclientprotocol/sdk";
 import { describe, expect, it } from "vitest";
-import type { LinkState } from "../../acp/connection/link";
 import { parseTelemetry } from "../../wire/telemetry";
 import { EMPTY, type Conversation } from "../../state/conversation/conversation";
 import { promptEnded, promptSent, sessionReducer } from "../../state/conversation/reducer";
-import { doing, exchange } from "./robot-activity";
+import { robotActivity, exchange } from "./robot-activity";
+import type { LinkState } from "../../wire/link-state";
+import { META } from "../../wire/meta";
 
 const ONLINE: LinkState = { status: "online" };
 const MOTION = { kind: "navigate", place: "kitchen", distance: 12, seconds: 15 };
@@ -29,20 +30,20 @@ function call(
     title: tool === "speak" ? "Say aloud: “Hello.”" : `Title of ${tool}`,
     status,
     ...(tool === "speak" ? { rawInput: { text: "Hello." } } : {}),
-    _meta: { "robot-acp/tool": tool },
+    _meta: { [META.tool]: tool },
   };
   if (waits === undefined) return [announced];
   const waiting: SessionUpdate = {
     sessionUpdate: "tool_call_update",
     toolCallId: "c1",
     status: "pending",
-    _meta: { "robot-acp/waiting": { for: waits } },
+    _meta: { [META.waiting]: { for: waits } },
   };
   return [announced, waiting];
 }
 
-const said = (conversation: Conversation, fields?: object): ReturnType<typeof doing> =>
-  doing(ONLINE, telemetry(fields), null, conversation, "s");
+const said = (conversation: Conversation, fields?: object): ReturnType<typeof robotActivity> =>
+  robotActivity(ONLINE, telemetry(fields), null, conversation, "s");
 
 describe("what the robot is doing for a visitor", () => {
   it("is thinking from the wish on", () => expect(said(play()).kind).toBe("thinking"));
@@ -90,10 +91,12 @@ describe("what the robot is doing for a visitor", () => {
   });
   it("says nothing old without a connection or a robot", () => {
     const conversation = play(...call("navigate_to_place", "in_progress"));
-    expect(doing({ status: "waiting", retryAt: 0 }, null, 7, conversation, "s").kind).toBe("offline");
+    expect(robotActivity({ status: "waiting", retryAt: 0 }, null, 7, conversation, "s").kind).toBe("offline");
     expect(said(conversation, { online: false }).kind).toBe("unreachable");
-    expect(doing(ONLINE, null, 7, conversation, "s").kind).toBe("unreachable");
-    expect(doing({ status: "connecting", first: true }, null, null, EMPTY, null).kind).toBe("nothing");
+    expect(robotActivity(ONLINE, null, 7, conversation, "s").kind).toBe("unreachable");
+    expect(robotActivity({ status: "connecting", first: true }, null, null, EMPTY, null).kind).toBe(
+      "nothing",
+    );
   });
 });
 

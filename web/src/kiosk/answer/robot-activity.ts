@@ -1,11 +1,11 @@
-/** What the robot is doing for the visitor, as one of a fixed list: computed from all that is known, never stored. */
-import type { LinkState } from "../../acp/connection/link";
-import { asString, isRecord } from "../../wire/meta";
+/** What the robot is robotActivity for the visitor, as one of a fixed list: computed from all that is known, never stored. */
 import type { Telemetry } from "../../wire/telemetry";
-import { callWords, othersWords } from "../../i18n/agent-terms";
+import { callText, untranslatedPart } from "../../i18n/agent-terms";
 import type { Conversation, Item, ToolItem } from "../../state/conversation/conversation";
+import type { LinkState } from "../../wire/link-state";
+import { asString, isRecord } from "../../wire/fields";
 
-export type Doing =
+export type RobotActivity =
   | { kind: "nothing" }
   | { kind: "offline" }
   | { kind: "unreachable" }
@@ -28,27 +28,32 @@ export function exchange(conversation: Conversation): Item[] {
   return asked < 0 ? [] : conversation.items.slice(asked);
 }
 
-export function doing(
+export function robotActivity(
   link: LinkState,
   telemetry: Telemetry | null,
-  heardUntil: number | null,
+  silentSince: number | null,
   conversation: Conversation,
   sessionId: string | null,
-): Doing {
+): RobotActivity {
   if (link.status === "waiting" || (link.status === "connecting" && !link.first)) return { kind: "offline" };
-  if (heardUntil !== null || telemetry?.online === false) return { kind: "unreachable" };
+  if (silentSince !== null || telemetry?.online === false) return { kind: "unreachable" };
   if (conversation.turn === null) {
     const holder = telemetry?.turn?.sessionId ?? null;
     return { kind: holder !== null && holder !== sessionId ? "elsewhere" : "nothing" };
   }
   const tool = exchange(conversation).findLast((item) => item.kind === "tool");
   if (tool?.status === "pending" && tool.waiting === "permission")
-    return { kind: "permission", what: callWords(tool), says: sentenceOf(tool), others: othersWords(tool) };
+    return {
+      kind: "permission",
+      what: callText(tool),
+      says: sentenceOf(tool),
+      others: untranslatedPart(tool),
+    };
   if (tool?.status === "pending" && tool.waiting === "robot") return { kind: "queue" };
   return tool?.status === "in_progress" ? working(tool, telemetry) : { kind: "thinking" };
 }
 
-function working(tool: ToolItem, telemetry: Telemetry | null): Doing {
+function working(tool: ToolItem, telemetry: Telemetry | null): RobotActivity {
   const motion = telemetry?.motion ?? null;
   switch (tool.tool) {
     case "navigate_to_place":
@@ -65,19 +70,19 @@ function working(tool: ToolItem, telemetry: Telemetry | null): Doing {
       return { kind: "photo" };
     case "speak": {
       const text = telemetry?.speaking ?? sentenceOf(tool);
-      return text === null ? { kind: "tool", what: callWords(tool) } : { kind: "speaking", text };
+      return text === null ? { kind: "tool", what: callText(tool) } : { kind: "speaking", text };
     }
     case "get_topological_map":
     case "get_current_pose":
     case "get_robot_status":
       return { kind: "thinking" }; // a glance, over before it could be read
     default:
-      return { kind: "tool", what: callWords(tool) };
+      return { kind: "tool", what: callText(tool) };
   }
 }
 
 /** What is not the page's in the one large line, and in the detail beside it. */
-export function othersIn(what: Doing): { line: string; detail: string } {
+export function untranslatedIn(what: RobotActivity): { line: string; detail: string } {
   switch (what.kind) {
     case "permission":
       return { line: "", detail: what.says ?? what.others };

@@ -1,25 +1,25 @@
-/** What the robot is doing for the visitor, and the words for it. */
+/** What the robot is robotActivity for the visitor, and the words for it. */
 import { useTranslation } from "react-i18next";
 import { useShallow } from "zustand/react/shallow";
 import { metres, wholeSeconds } from "../../i18n/format";
 import { EMPTY } from "../../state/conversation/conversation";
 import { robotName, useStore } from "../../state/store";
-import { doing, type Doing } from "./robot-activity";
+import { robotActivity, type RobotActivity } from "./robot-activity";
 import { isWord } from "../ask/suggestions";
 
 const NEAR_M = 1;
 
-export function useDoing(): Doing {
+export function useRobotActivity(): RobotActivity {
   return useStore(
-    useShallow(({ link, telemetry, heardUntil, conversations, currentId, opening }) => {
+    useShallow(({ link, telemetry, silentSince, conversations, currentId, opening }) => {
       if (opening) return { kind: "thinking" } as const;
       const conversation = currentId === null ? EMPTY : (conversations[currentId] ?? EMPTY);
-      return doing(link, telemetry, heardUntil, conversation, currentId);
+      return robotActivity(link, telemetry, silentSince, conversation, currentId);
     }),
   );
 }
 
-export function useDoingWords(what: Doing): string {
+export function useActivityText(what: RobotActivity): string {
   const { t } = useTranslation();
   const robot = useStore(robotName);
   switch (what.kind) {
@@ -38,7 +38,7 @@ export function useDoingWords(what: Doing): string {
 }
 
 /** What there is to say beside the one large line: the way that is left, or what waits to be allowed. */
-export function useDoingDetail(what: Doing): string {
+export function useActivityDetail(what: RobotActivity): string {
   const { t } = useTranslation();
   if (what.kind === "permission") {
     return what.says === null ? what.what : t("doing.toSay", { text: what.says });

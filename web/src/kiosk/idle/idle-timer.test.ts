@@ -1,10 +1,10 @@
 /** The minute after which a kiosk starts over. */
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
-import { Rest } from "./idle-timer";
+import { IdleTimer } from "./idle-timer";
 
 const onWarn = vi.fn<(at: number | null) => void>();
 const onOver = vi.fn();
-let rest: Rest;
+let rest: IdleTimer;
 
 const warned = (): boolean => typeof onWarn.mock.lastCall?.[0] === "number";
 
@@ -12,7 +12,7 @@ beforeEach(() => {
   vi.useFakeTimers();
   onWarn.mockReset();
   onOver.mockReset();
-  rest = new Rest(60_000, 20_000, { onWarn, onOver });
+  rest = new IdleTimer(60_000, 20_000, { onWarn, onOver });
 });
 
 afterEach(() => {

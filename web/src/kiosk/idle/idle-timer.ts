@@ -3,20 +3,20 @@
  * again after each end. While something runs it does not count: a visitor who walks with the robot touches nothing.
  */
 
-export interface RestEvents {
+export interface IdleTimerEvents {
   /** `at` is when it will be over, in ms of this machine's clock; null: somebody touched, or it is over. */
   onWarn: (at: number | null) => void;
   onOver: () => void;
 }
 
-export class Rest {
+export class IdleTimer {
   private timer: ReturnType<typeof setTimeout> | undefined;
   private held = false;
 
   constructor(
     private readonly limitMs: number,
     private readonly warningMs: number,
-    private readonly events: RestEvents,
+    private readonly events: IdleTimerEvents,
   ) {
     this.touch();
   }

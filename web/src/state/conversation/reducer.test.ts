@@ -3,14 +3,15 @@ import type { SessionNotification, SessionUpdate } from "@agentclientprotocol/sd
 import { describe, expect, it } from "vitest";
 import { EMPTY, type Conversation, type ToolItem } from "./conversation";
 import {
-  cancelAsked,
+  cancelRequested,
   MAX_ITEMS,
-  opened,
+  sessionOpened,
   promptEnded,
   promptFailed,
   promptSent,
   sessionReducer,
 } from "./reducer";
+import { META } from "../../wire/meta";
 
 const SESSION = "s1";
 
@@ -18,7 +19,7 @@ function note(update: SessionUpdate, seq?: number): SessionNotification {
   return {
     sessionId: SESSION,
     update,
-    ...(seq === undefined ? {} : { _meta: { "robot-acp/seq": seq } }),
+    ...(seq === undefined ? {} : { _meta: { [META.seq]: seq } }),
   };
 }
 
@@ -35,12 +36,12 @@ const text = (words: string): { type: "text"; text: string } => ({ type: "text",
 const ASKED: SessionUpdate = {
   sessionUpdate: "user_message_chunk",
   content: text("Go to lab 2.3.7 and tell them that the meeting is at noon"),
-  _meta: { "robot-acp/by": "Ana", "robot-acp/turn": { id: "t1", state: "running" } },
+  _meta: { [META.by]: "Ana", [META.turn]: { id: "t1", state: "running" } },
 };
 
 const ENDED: SessionUpdate = {
   sessionUpdate: "session_info_update",
-  _meta: { "robot-acp/turn": { id: "t1", state: "ended", stopReason: "end_turn" } },
+  _meta: { [META.turn]: { id: "t1", state: "ended", stopReason: "end_turn" } },
 };
 
 function progress(fraction: number, message: string): SessionUpdate {
@@ -48,7 +49,7 @@ function progress(fraction: number, message: string): SessionUpdate {
     sessionUpdate: "tool_call_update",
     toolCallId: "c2",
     content: [{ type: "content", content: text(message) }],
-    _meta: { "robot-acp/progress": { fraction, message } },
+    _meta: { [META.progress]: { fraction, message } },
   };
 }
 
@@ -71,7 +72,7 @@ const P1: SessionUpdate[] = [
     kind: "read",
     status: "in_progress",
     rawInput: {},
-    _meta: { "robot-acp/tool": "get_topological_map" },
+    _meta: { [META.tool]: "get_topological_map" },
   },
   { sessionUpdate: "tool_call_update", toolCallId: "c1", status: "completed", rawOutput: { nodes: [] } },
   {
@@ -81,7 +82,7 @@ const P1: SessionUpdate[] = [
     kind: "execute",
     status: "pending",
     rawInput: { place: "lab 2.3.7" },
-    _meta: { "robot-acp/tool": "navigate_to_place" },
+    _meta: { [META.tool]: "navigate_to_place" },
   },
   { sessionUpdate: "tool_call_update", toolCallId: "c2", status: "in_progress" },
   progress(0.2, "12.4 m to go, about 15 s"),
@@ -104,7 +105,7 @@ const P1: SessionUpdate[] = [
     sessionUpdate: "tool_call_update",
     toolCallId: "c3",
     status: "in_progress",
-    _meta: { "robot-acp/decision": { by: "Ana", option: "allow_once", reason: "selected" } },
+    _meta: { [META.decision]: { by: "Ana", option: "allow_once", reason: "selected" } },
   },
   {
     sessionUpdate: "tool_call_update",
@@ -176,13 +177,13 @@ describe("answers that are remembered", () => {
     sessionUpdate: "tool_call_update",
     toolCallId: "c1",
     status: "in_progress",
-    _meta: { "robot-acp/decision": { by: "Ana", option, reason } },
+    _meta: { [META.decision]: { by: "Ana", option, reason } },
   });
   const call: SessionUpdate = {
     sessionUpdate: "tool_call",
     toolCallId: "c1",
     title: "Say aloud: “Hello.”",
-    _meta: { "robot-acp/tool": "speak" },
+    _meta: { [META.tool]: "speak" },
   };
 
   it.each([
@@ -195,8 +196,8 @@ describe("answers that are remembered", () => {
 
   it("are what the agent says when a session is opened: a fork has allowed nothing", () => {
     const before = play([note(call), note(decision("allow_always"))]);
-    expect(opened(before, { _meta: { "robot-acp/remembered": {} } }).remembered).toEqual({});
-    expect(opened(before, {}).remembered).toEqual({ speak: true });
+    expect(sessionOpened(before, { _meta: { [META.remembered]: {} } }).remembered).toEqual({});
+    expect(sessionOpened(before, {}).remembered).toEqual({ speak: true });
   });
 });
 
@@ -266,7 +267,7 @@ describe("messages", () => {
   });
 
   it("of one prompt with several blocks are one message", () => {
-    const meta = { "robot-acp/by": "Ben", "robot-acp/turn": { id: "t9", state: "running" } };
+    const meta = { [META.by]: "Ben", [META.turn]: { id: "t9", state: "running" } };
     const state = play([
       note({ sessionUpdate: "user_message_chunk", content: text("Look: "), _meta: meta }),
       note({
@@ -347,9 +348,9 @@ describe("the end of a turn", () => {
   it("that was cancelled says so, once", () => {
     const cancelled: SessionUpdate = {
       sessionUpdate: "session_info_update",
-      _meta: { "robot-acp/turn": { id: "t1", state: "ended", stopReason: "cancelled" } },
+      _meta: { [META.turn]: { id: "t1", state: "ended", stopReason: "cancelled" } },
     };
-    const asked = cancelAsked(play([note(ASKED, 1)]));
+    const asked = cancelRequested(play([note(ASKED, 1)]));
     expect(asked.turn).toEqual({ id: "t1", cancelling: true });
     const ended = promptEnded(sessionReducer(asked, note(cancelled, 2)), "cancelled");
     expect(ended.turn).toBeNull();
@@ -371,7 +372,7 @@ describe("the end of a turn", () => {
   });
 
   it("cannot be asked for when none runs", () => {
-    expect(cancelAsked(EMPTY)).toBe(EMPTY);
+    expect(cancelRequested(EMPTY)).toBe(EMPTY);
   });
 });
 
@@ -396,13 +397,13 @@ describe("opening a session", () => {
   };
 
   it("tells of a turn that runs, and of one that does not", () => {
-    const running = { _meta: { "robot-acp/turn": { id: "t4", state: "running" } } };
-    expect(opened(EMPTY, running).turn).toEqual({ id: "t4", cancelling: false });
-    expect(opened(play([note(ASKED)]), {}).turn).toBeNull();
+    const running = { _meta: { [META.turn]: { id: "t4", state: "running" } } };
+    expect(sessionOpened(EMPTY, running).turn).toEqual({ id: "t4", cancelling: false });
+    expect(sessionOpened(play([note(ASKED)]), {}).turn).toBeNull();
   });
 
   it("brings the settings, and later changes keep both ways of publishing them in step", () => {
-    const state = opened(EMPTY, { modes, configOptions: [modeOption] });
+    const state = sessionOpened(EMPTY, { modes, configOptions: [modeOption] });
     const changed = sessionReducer(
       state,
       note({ sessionUpdate: "current_mode_update", currentModeId: "observe" }),
@@ -424,11 +425,11 @@ describe("data of the wrong shape under _meta", () => {
         sessionUpdate: "tool_call",
         toolCallId: "x",
         title: "Drive",
-        _meta: { "robot-acp/progress": "much", "robot-acp/decision": 7, "robot-acp/tool": {} },
+        _meta: { [META.progress]: "much", [META.decision]: 7, [META.tool]: {} },
       }),
       note({
         sessionUpdate: "session_info_update",
-        _meta: { "robot-acp/turn": { id: 1, state: "dancing" } },
+        _meta: { [META.turn]: { id: 1, state: "dancing" } },
       }),
     ]);
     expect(tool(state, "x")).toMatchObject({ progress: null, decision: null, tool: null });
@@ -448,7 +449,7 @@ describe("what a tool call waits for", () => {
     toolCallId: "c9",
     status: "pending",
     content: [{ type: "content", content: text("waiting for somebody who may allow it") }],
-    _meta: { "robot-acp/waiting": reason },
+    _meta: { [META.waiting]: reason },
   });
   function played(...updates: SessionUpdate[]): ToolItem {
     const [item] = play(numbered([announced, ...updates])).items;
@@ -479,7 +480,7 @@ describe("what a tool call waits for", () => {
 describe("a session that goes on for days", () => {
   const turns = (count: number): SessionUpdate[] =>
     Array.from({ length: count }, (_, index) => [
-      { ...ASKED, _meta: { "robot-acp/by": "Ana", "robot-acp/turn": { id: `t${index}`, state: "running" } } },
+      { ...ASKED, _meta: { [META.by]: "Ana", [META.turn]: { id: `t${index}`, state: "running" } } },
       { sessionUpdate: "agent_message_chunk", content: text(`answer ${index}`), messageId: `m${index}` },
     ]).flat() as SessionUpdate[];
 
@@ -501,11 +502,11 @@ describe("a turn from which the robot was taken", () => {
   const TAKEN: SessionUpdate = {
     sessionUpdate: "agent_message_chunk",
     content: text("Sue took the robot over, so I stopped here."),
-    _meta: { "robot-acp/taken_over": { by: "Sue" } },
+    _meta: { [META.takenOver]: { by: "Sue" } },
   };
   const CANCELLED: SessionUpdate = {
     sessionUpdate: "session_info_update",
-    _meta: { "robot-acp/turn": { id: "t1", state: "ended", stopReason: "cancelled" } },
+    _meta: { [META.turn]: { id: "t1", state: "ended", stopReason: "cancelled" } },
   };
 
   it("says who did it, once, and not that it was cancelled", () => {

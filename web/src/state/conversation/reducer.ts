@@ -34,7 +34,7 @@ import {
   type ToolItem,
   type UserItem,
 } from "./conversation";
-import { begunAt, overAt, timelineReducer } from "./timeline";
+import { startTimeline, endTimeline, timelineReducer } from "./timeline";
 
 type Update<Kind extends SessionUpdate["sessionUpdate"]> = Extract<SessionUpdate, { sessionUpdate: Kind }>;
 type Fresh<T extends Item> = T extends Item ? Omit<T, "key"> : never;
@@ -232,14 +232,14 @@ export function promptSent(
   author: string,
   at: number | null = null,
 ): Conversation {
-  const timeline = at === null ? state.timeline : begunAt(at, null);
+  const timeline = at === null ? state.timeline : startTimeline(at, null);
   const running: Conversation = { ...state, turn: { id: null, cancelling: false }, timeline };
   return add<UserItem>(running, { kind: "user", author, turnId: null, blocks: [{ type: "text", text }] });
 }
 
 /** The prompt's answer came. An agent that announced the end already has said all. */
 export function promptEnded(state: Conversation, stopReason: string, at: number | null = null): Conversation {
-  const over = at === null ? state : { ...state, timeline: overAt(state.timeline, at) };
+  const over = at === null ? state : { ...state, timeline: endTimeline(state.timeline, at) };
   return state.turn === null ? over : ended(over, stopReason);
 }
 
@@ -248,12 +248,15 @@ export function promptFailed(state: Conversation, error: string): Conversation {
   return add<NoteItem>({ ...state, turn: null, timeline: null }, { kind: "note", stopReason: null, error });
 }
 
-export function cancelAsked(state: Conversation): Conversation {
+export function cancelRequested(state: Conversation): Conversation {
   return state.turn === null ? state : { ...state, turn: { ...state.turn, cancelling: true } };
 }
 
 /** The answer to session/new or session/load: the settings, and whether a turn runs. */
-export function opened(state: Conversation, answer: NewSessionResponse | LoadSessionResponse): Conversation {
+export function sessionOpened(
+  state: Conversation,
+  answer: NewSessionResponse | LoadSessionResponse,
+): Conversation {
   const turn = turnOf(answer._meta);
   const modes = answer.modes;
   return {

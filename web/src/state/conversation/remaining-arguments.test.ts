@@ -1,7 +1,7 @@
 /** Nothing that happens is hidden from whoever decides, and nothing is said twice. */
 import { afterEach, expect, it } from "vitest";
 import i18next from "../../i18n";
-import { untold } from "./remaining-arguments";
+import { remainingArguments } from "./remaining-arguments";
 
 it.each([
   ["Drive to lab 2.3.7", { place: "lab 2.3.7" }, []],
@@ -17,7 +17,7 @@ it.each([
   ["Say: 5", { text: "5 is 5", loudness: 5 }, ["text"]],
   ["Open", "not an object", []],
 ])("%s with %j leaves %j to be told", (title, input, left) => {
-  expect(Object.keys(untold({ tool: null, input, title }))).toEqual(left);
+  expect(Object.keys(remainingArguments({ tool: null, input, title }))).toEqual(left);
 });
 
 afterEach(async () => {
@@ -27,14 +27,14 @@ afterEach(async () => {
 it.each(["en", "es"])("takes no word of ours for an argument: %s", async (language) => {
   await i18next.changeLanguage(language);
   const speak = { text: "Hello.", how: "alta", voice: "voz", to: "a", style: "Say", volume: "aloud" };
-  const said = untold({ tool: "speak", input: speak, title: "Say aloud: “Hello.”" });
+  const said = remainingArguments({ tool: "speak", input: speak, title: "Say aloud: “Hello.”" });
   expect(Object.keys(said)).toEqual(["how", "voice", "to", "style", "volume"]);
   const drive = { x: 4.2, y: 3, yaw: 1.57 };
-  const driven = untold({ tool: "navigate_to_pose", input: drive, title: "Drive to (4.2, 3.0)" });
+  const driven = remainingArguments({ tool: "navigate_to_pose", input: drive, title: "Drive to (4.2, 3.0)" });
   expect(Object.keys(driven)).toEqual(["yaw"]);
 });
 
 it("takes the title that came for what it says where it is not ours", () => {
   const send = { tool: "speak", input: { text: "Hello.", to: "Ana" }, title: "Send “Hello.”" };
-  expect(Object.keys(untold(send))).toEqual(["to"]);
+  expect(Object.keys(remainingArguments(send))).toEqual(["to"]);
 });

@@ -1,6 +1,6 @@
 /** Mode and model of a session as two simple choices, whichever of ACP's two ways the agent publishes them in. */
 import type { SessionConfigSelectOption } from "@agentclientprotocol/sdk";
-import { modeWords, type Choice } from "../../i18n/agent-terms";
+import { translateMode, type Choice } from "../../i18n/agent-terms";
 import type { Conversation } from "./conversation";
 
 export interface Setting {
@@ -36,14 +36,14 @@ function setting(conversation: Offered, category: "mode" | "model"): Setting | n
 
 export function modeSetting(conversation: Offered): Setting | null {
   const option = setting(conversation, "mode");
-  if (option !== null) return { ...option, choices: option.choices.map(modeWords) };
+  if (option !== null) return { ...option, choices: option.choices.map(translateMode) };
   if (conversation.modes === null) return null;
   return {
     configId: null,
     name: "",
     current: conversation.modes.current,
     choices: conversation.modes.available.map(({ id, name, description }) =>
-      modeWords({ value: id, name, description: description ?? null }),
+      translateMode({ value: id, name, description: description ?? null }),
     ),
   };
 }

@@ -2,11 +2,12 @@
 import type { SessionUpdate } from "@agentclientprotocol/sdk";
 import { describe, expect, it } from "vitest";
 import { PHASES } from "../../wire/phases";
-import { begunAt, lengthsAt, overAt, secondsAt, timelineReducer, type Timeline } from "./timeline";
+import { startTimeline, lengthsAt, endTimeline, secondsAt, timelineReducer, type Timeline } from "./timeline";
+import { META } from "../../wire/meta";
 
 const text = { type: "text" as const, text: "…" };
 const turn = (state: string, more: object = {}): object => ({
-  "robot-acp/turn": { id: "t1", state, ...more },
+  [META.turn]: { id: "t1", state, ...more },
 });
 
 const prompt: SessionUpdate = {
@@ -23,17 +24,17 @@ function call(id: string, status: "pending" | "in_progress", phase: string): Ses
     toolCallId: id,
     title: id,
     status,
-    _meta: { "robot-acp/phase": phase },
+    _meta: { [META.phase]: phase },
   };
 }
 
 function goes(id: string, status: "pending" | "in_progress" | "completed" | "failed", waits?: string) {
-  const _meta = waits === undefined ? {} : { _meta: { "robot-acp/waiting": { for: waits } } };
+  const _meta = waits === undefined ? {} : { _meta: { [META.waiting]: { for: waits } } };
   return { sessionUpdate: "tool_call_update", toolCallId: id, status, ..._meta } satisfies SessionUpdate;
 }
 
 function end(stopReason = "end_turn", phases?: object): SessionUpdate {
-  const measured = phases === undefined ? {} : { "robot-acp/phases": phases };
+  const measured = phases === undefined ? {} : { [META.phases]: phases };
   return { sessionUpdate: "session_info_update", _meta: { ...turn("ended", { stopReason }), ...measured } };
 }
 
@@ -104,7 +105,7 @@ describe("the paper's prompt", () => {
 
 it("a turn that was asked for here begins when it was asked for, and is put right by the measure", () => {
   const measured = { thought: 3, inference: 1, total: 4.5, protocols: 0.5 };
-  const asked = play([[100.2, thought]], begunAt(99, null));
+  const asked = play([[100.2, thought]], startTimeline(99, null));
   expect(shown(asked, 101)).toEqual([
     ["thought", 1.2],
     ["inference", 0.8],
@@ -184,7 +185,7 @@ it("a new prompt begins anew, further blocks of one do not", () => {
     [1, prompt],
   ]);
   expect(first.begun).toBe(0);
-  const second = { ...prompt, _meta: { "robot-acp/turn": { id: "t2", state: "running" } } } as SessionUpdate;
+  const second = { ...prompt, _meta: { [META.turn]: { id: "t2", state: "running" } } } as SessionUpdate;
   expect(play([[7, second]], first)).toMatchObject({ begun: 7, turnId: "t2" });
 });
 
@@ -194,7 +195,7 @@ it("a prompt that waited behind another turn begins with its first sign", () => 
 });
 
 it("an agent that announces no end is believed when it answers", () => {
-  const over = overAt(begunAt(1, null), 5);
+  const over = endTimeline(startTimeline(1, null), 5);
   expect(over).toMatchObject({ ended: 5 });
-  expect(overAt(over, 9)).toBe(over);
+  expect(endTimeline(over, 9)).toBe(over);
 });

@@ -33,7 +33,7 @@ export interface Timeline {
 /** Shorter than anybody can see, in s: two events of one moment. */
 const MOMENT = 0.001;
 
-export function begunAt(at: number, turnId: string | null): Timeline {
+export function startTimeline(at: number, turnId: string | null): Timeline {
   const first: Segment = { phase: "thought", from: at, to: null };
   return { turnId, begun: at, ended: null, segments: [first], calls: {}, failedAt: null, measured: null };
 }
@@ -48,15 +48,15 @@ export function timelineReducer(
     const turn = turnOf(update._meta);
     if (turn?.state !== "running") return timeline;
     if (running(timeline) && timeline.turnId === turn.id) return timeline;
-    return begunAt(at, turn.id);
+    return startTimeline(at, turn.id);
   }
   if (running(timeline)) return next(timeline, update, at);
   // The one who asked is not sent the prompt: where it waited behind another turn, this is the first sign of its own.
-  return begins(update) ? next(begunAt(at, null), update, at) : timeline;
+  return begins(update) ? next(startTimeline(at, null), update, at) : timeline;
 }
 
 /** The turn is over, told by the answer to the prompt: where the agent announced the end, this changes nothing. */
-export function overAt(timeline: Timeline | null, at: number): Timeline | null {
+export function endTimeline(timeline: Timeline | null, at: number): Timeline | null {
   return running(timeline) ? closed(timeline, at) : timeline;
 }
 

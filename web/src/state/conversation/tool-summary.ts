@@ -2,11 +2,11 @@
  * What came of a tool call, in a sentence for people. A tool that is not known here shows the text that it gave;
  * raw data are never a summary.
  */
-import { asNumber, asString, isRecord } from "../../wire/meta";
 import i18next from "../../i18n";
 import { metres, percent, seconds } from "../../i18n/format";
-import { isKnown } from "../../i18n/agent-terms";
+import { isKnownCall } from "../../i18n/agent-terms";
 import type { ToolItem } from "./conversation";
+import { asNumber, asString, isRecord } from "../../wire/fields";
 
 /** How a tool call stands, finer than ACP's four states. */
 export type Outcome = "pending" | "asking" | "in_progress" | "completed" | "failed" | "refused" | "cancelled";
@@ -41,7 +41,7 @@ export function summaryOf(item: ToolItem, outcome: Outcome): Summary {
   const texts = textsOf(item).filter(isProse);
   return {
     text: (outcome === "failed" ? texts.map(withoutCode) : texts).join("\n"),
-    lang: isKnown(item) ? "en" : "", // the robot server says everything in English
+    lang: isKnownCall(item) ? "en" : "", // the robot server says everything in English
   };
 }
 

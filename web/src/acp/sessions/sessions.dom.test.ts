@@ -2,7 +2,10 @@
 import { methods, type ClientContext } from "@agentclientprotocol/sdk";
 import { afterEach, beforeEach, describe, expect, it } from "vitest";
 import { INITIAL, getState, setState } from "../../state/store";
-import { KEPT, newSession, openSession, receive, setAgent } from "./sessions";
+import { RECENT_SESSIONS, newSession, openSession, receiveUpdate } from "./sessions";
+import { setAgent } from "../connection/agent";
+import { META } from "../../wire/meta";
+import { METHODS } from "../../wire/methods";
 
 let answers: Record<string, (result: unknown) => void>;
 
@@ -45,16 +48,16 @@ describe("of the sessions that were on the screen", () => {
   });
 
   it("lets go of those that were left longest ago, here and at the agent", async () => {
-    for (const name of names(KEPT + 3)) await openSession(name);
-    const kept = names(KEPT + 3).slice(-KEPT);
+    for (const name of names(RECENT_SESSIONS + 3)) await openSession(name);
+    const kept = names(RECENT_SESSIONS + 3).slice(-RECENT_SESSIONS);
     expect([...getState().attached]).toEqual(kept);
     expect(Object.keys(getState().conversations)).toEqual(kept);
-    const left = asked.filter(({ method }) => method === "_robot/leave").map(({ params }) => params);
+    const left = asked.filter(({ method }) => method === METHODS.leave).map(({ params }) => params);
     expect(left).toEqual(names(3).map((sessionId) => ({ sessionId })));
   });
 
   it("counts a session that somebody has come back to as new", async () => {
-    for (const name of names(KEPT)) await openSession(name);
+    for (const name of names(RECENT_SESSIONS)) await openSession(name);
     await openSession("s0");
     await openSession("another");
     expect(getState().attached.has("s0")).toBe(true);
@@ -63,21 +66,21 @@ describe("of the sessions that were on the screen", () => {
 
   it("keeps one as long as a turn runs in it", async () => {
     await openSession("s0");
-    const running = { "robot-acp/turn": { id: "t", state: "running" } };
-    receive({ sessionId: "s0", update: { sessionUpdate: "session_info_update", _meta: running } });
-    for (const name of names(KEPT + 3).slice(1)) await openSession(name);
+    const running = { [META.turn]: { id: "t", state: "running" } };
+    receiveUpdate({ sessionId: "s0", update: { sessionUpdate: "session_info_update", _meta: running } });
+    for (const name of names(RECENT_SESSIONS + 3).slice(1)) await openSession(name);
     expect(getState().attached.has("s0")).toBe(true);
-    const over = { "robot-acp/turn": { id: "t", state: "ended", stopReason: "end_turn" } };
-    receive({ sessionId: "s0", update: { sessionUpdate: "session_info_update", _meta: over } });
+    const over = { [META.turn]: { id: "t", state: "ended", stopReason: "end_turn" } };
+    receiveUpdate({ sessionId: "s0", update: { sessionUpdate: "session_info_update", _meta: over } });
     await openSession("another");
     expect(getState().attached.has("s0")).toBe(false);
   });
 
   it("keeps one with a turn that was running when the connection was lost", async () => {
     await openSession("s0");
-    const running = { "robot-acp/turn": { id: "t", state: "running" } };
-    receive({ sessionId: "s0", update: { sessionUpdate: "session_info_update", _meta: running } });
-    for (const name of names(KEPT).slice(1)) await openSession(name);
+    const running = { [META.turn]: { id: "t", state: "running" } };
+    receiveUpdate({ sessionId: "s0", update: { sessionUpdate: "session_info_update", _meta: running } });
+    for (const name of names(RECENT_SESSIONS).slice(1)) await openSession(name);
     setAgent(null);
     await openSession("another");
     expect(getState().conversations).toHaveProperty("s0.turn.id", "t");

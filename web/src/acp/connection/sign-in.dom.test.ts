@@ -3,7 +3,7 @@ import { afterEach, beforeEach, expect, it, vi } from "vitest";
 import { setComposerText, useComposerText } from "../../components/conversation/composer-text";
 import { EMPTY } from "../../state/conversation/conversation";
 import { getState, INITIAL, setState } from "../../state/store";
-import { end, logIn, logOut, start } from "./connection";
+import { endConnection, logIn, logOut, startConnection } from "./connection";
 import { Link } from "./link";
 
 const ended = vi.fn();
@@ -23,7 +23,7 @@ beforeEach(async () => {
   vi.spyOn(Link.prototype, "start").mockImplementation(() => undefined);
   vi.spyOn(Link.prototype, "end").mockImplementation(ended);
   ended.mockClear();
-  start({ onOpen: () => Promise.resolve(), onQuestion: () => new Promise(() => undefined) });
+  startConnection({ onOpen: () => Promise.resolve(), onQuestion: () => new Promise(() => undefined) });
   setState({
     stopError: "Stop did not get through.",
     hidden: { halted: 5, battery: null },
@@ -32,7 +32,7 @@ beforeEach(async () => {
   setComposerText("Go to the");
 });
 
-afterEach(() => end());
+afterEach(() => endConnection());
 
 it("keeps everything for the same person with another link", async () => {
   await logIn("another of Ana's");

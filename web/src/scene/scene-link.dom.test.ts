@@ -1,7 +1,8 @@
 /** What the scene tells, and that the view somebody chose outlives a lost connection. */
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 import { FakeSocket } from "./fake-socket";
-import { newViewer, parseTold, SceneLink, type SceneEvents } from "./scene-link";
+import { newViewerId, SceneLink, type SceneEvents } from "./scene-link";
+import { parseSceneMessage } from "../wire/scene";
 
 let link: SceneLink;
 let on: { [Name in keyof SceneEvents]: ReturnType<typeof vi.fn<SceneEvents[Name]>> };
@@ -88,14 +89,14 @@ it.each([
   '{"picked": {"x": 1}}',
   '{"picked": {"x": "1", "y": 2}}',
 ])("takes %s for no message", (text) => {
-  expect(parseTold(text)).toBeNull();
+  expect(parseSceneMessage(text)).toBeNull();
 });
 
 it("reads nothing but text", () => {
-  expect(parseTold(new Blob(['{"view": "map"}']))).toBeNull();
+  expect(parseSceneMessage(new Blob(['{"view": "map"}']))).toBeNull();
 });
 
 it("gives every page a name of its own", () => {
-  expect(newViewer()).toMatch(/^[0-9a-f]{8}-[0-9a-f]{4}-4[0-9a-f]{3}-[89ab][0-9a-f]{3}-[0-9a-f]{12}$/);
-  expect(newViewer()).not.toBe(newViewer());
+  expect(newViewerId()).toMatch(/^[0-9a-f]{8}-[0-9a-f]{4}-4[0-9a-f]{3}-[89ab][0-9a-f]{3}-[0-9a-f]{12}$/);
+  expect(newViewerId()).not.toBe(newViewerId());
 });

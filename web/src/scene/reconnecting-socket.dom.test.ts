@@ -1,7 +1,7 @@
 /** A socket that is kept up: it comes back by itself, gently, and not once it has been ended. */
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 import { FakeSocket } from "./fake-socket";
-import { KeptSocket } from "./reconnecting-socket";
+import { ReconnectingSocket } from "./reconnecting-socket";
 
 beforeEach(() => {
   vi.useFakeTimers();
@@ -15,13 +15,13 @@ afterEach(() => {
 });
 
 it("dials its path on the page's own address", () => {
-  new KeptSocket("/camera", { onMessage: vi.fn() }).end();
+  new ReconnectingSocket("/camera", { onMessage: vi.fn() }).end();
   expect(FakeSocket.last.url).toBe(`ws://${window.location.host}/camera`);
 });
 
 it("is opened again when it is lost", () => {
   const onLost = vi.fn();
-  const kept = new KeptSocket("/camera", { onMessage: vi.fn(), onLost });
+  const kept = new ReconnectingSocket("/camera", { onMessage: vi.fn(), onLost });
   FakeSocket.last.opens();
   FakeSocket.last.closes();
   expect(onLost).toHaveBeenCalledOnce();
@@ -31,7 +31,7 @@ it("is opened again when it is lost", () => {
 });
 
 it("waits longer each time while nothing comes of it, even when the server lets it in", () => {
-  const kept = new KeptSocket("/camera", { onMessage: vi.fn() });
+  const kept = new ReconnectingSocket("/camera", { onMessage: vi.fn() });
   const pauses = [0, 1, 2, 3].map(() => {
     FakeSocket.last.opens();
     FakeSocket.last.closes();
@@ -50,7 +50,7 @@ it("waits longer each time while nothing comes of it, even when the server lets 
 
 it("does not come back once it has been ended, and what comes late is not heard", () => {
   const onMessage = vi.fn();
-  const kept = new KeptSocket("/camera", { onMessage });
+  const kept = new ReconnectingSocket("/camera", { onMessage });
   FakeSocket.last.opens();
   kept.end();
   FakeSocket.last.tells("late");
@@ -62,7 +62,7 @@ it("does not come back once it has been ended, and what comes late is not heard"
 
 it("gives up a dead connection without waiting for its end", () => {
   const onLost = vi.fn();
-  const kept = new KeptSocket("/camera", { onMessage: vi.fn(), onLost });
+  const kept = new ReconnectingSocket("/camera", { onMessage: vi.fn(), onLost });
   FakeSocket.last.opens();
   const dead = FakeSocket.last;
   kept.drop();

@@ -2,9 +2,10 @@
 import type { RequestPermissionRequest } from "@agentclientprotocol/sdk";
 import { beforeEach, expect, it } from "vitest";
 import { getState, INITIAL, setState } from "../../state/store";
-import { end } from "../connection/connection";
-import { ask, decided } from "./questions";
-import { forgetSession, receive } from "./sessions";
+import { endConnection } from "../connection/connection";
+import { showQuestion, applyDecision } from "./questions";
+import { forgetSession, receiveUpdate } from "./sessions";
+import { META } from "../../wire/meta";
 
 const REQUEST: RequestPermissionRequest = {
   sessionId: "s1",
@@ -13,16 +14,16 @@ const REQUEST: RequestPermissionRequest = {
     { optionId: "allow_once", name: "Allow", kind: "allow_once" },
     { optionId: "reject_once", name: "Don't", kind: "reject_once" },
   ],
-  _meta: { "robot-acp/asker": "Ana", "robot-acp/timeout_s": 60 },
+  _meta: { [META.asker]: "Ana", [META.timeoutS]: 60 },
 };
 
 beforeEach(() => {
-  end();
+  endConnection();
   setState(INITIAL);
 });
 
 it("shows who asks for what, and for how long", () => {
-  void ask(REQUEST, new AbortController().signal);
+  void showQuestion(REQUEST, new AbortController().signal);
   const [question] = getState().questions;
   expect(question).toMatchObject({
     title: "Say aloud: “Hello.”",
@@ -34,7 +35,7 @@ it("shows who asks for what, and for how long", () => {
 });
 
 it("gives the chosen option to the agent and goes", async () => {
-  const answer = ask(REQUEST, new AbortController().signal);
+  const answer = showQuestion(REQUEST, new AbortController().signal);
   getState().questions[0]?.answer({ outcome: { outcome: "selected", optionId: "allow_once" } });
   await expect(answer).resolves.toEqual({ outcome: { outcome: "selected", optionId: "allow_once" } });
   expect(getState().questions).toEqual([]);
@@ -42,7 +43,7 @@ it("gives the chosen option to the agent and goes", async () => {
 
 it("goes, unanswered, when the agent withdraws it", async () => {
   const withdrawn = new AbortController();
-  const answer = ask(REQUEST, withdrawn.signal);
+  const answer = showQuestion(REQUEST, withdrawn.signal);
   withdrawn.abort();
   await expect(answer).resolves.toEqual({ outcome: { outcome: "cancelled" } });
   expect(getState().questions).toEqual([]);
@@ -51,68 +52,68 @@ it("goes, unanswered, when the agent withdraws it", async () => {
 const BEN = { by: "Ben", option: "allow_once", reason: "selected" };
 
 it("goes when somebody else has decided on the same call, and on no other, and says who", async () => {
-  const answer = ask(REQUEST, new AbortController().signal);
-  decided("s1", "c1", BEN);
-  decided("s2", "c3", BEN);
+  const answer = showQuestion(REQUEST, new AbortController().signal);
+  applyDecision("s1", "c1", BEN);
+  applyDecision("s2", "c3", BEN);
   expect(getState().questions).toHaveLength(1);
-  decided("s1", "c3", BEN);
+  applyDecision("s1", "c3", BEN);
   await expect(answer).resolves.toEqual({ outcome: { outcome: "cancelled" } });
   expect(getState().toasts.map(({ text }) => text)).toEqual(["Ben allowed it: Say aloud: “Hello.”"]);
 });
 
-it("says who decided also when the question was withdrawn before", () => {
+it("says who decided, also when the question was withdrawn before", () => {
   const withdrawn = new AbortController();
-  void ask(REQUEST, withdrawn.signal);
+  void showQuestion(REQUEST, withdrawn.signal);
   withdrawn.abort();
-  decided("s1", "c3", { ...BEN, option: "reject_once" });
+  applyDecision("s1", "c3", { ...BEN, option: "reject_once" });
   expect(getState().toasts.map(({ text }) => text)).toEqual(["Ben refused it: Say aloud: “Hello.”"]);
 });
 
 it("is nobody's business any more once the call has ended undecided, as with a turn that is cancelled", () => {
   const withdrawn = new AbortController();
-  void ask(REQUEST, withdrawn.signal);
+  void showQuestion(REQUEST, withdrawn.signal);
   withdrawn.abort();
-  receive({
+  receiveUpdate({
     sessionId: "s1",
     update: { sessionUpdate: "tool_call_update", toolCallId: "c3", status: "failed" },
   });
-  decided("s1", "c3", BEN);
+  applyDecision("s1", "c3", BEN);
   expect(getState().toasts).toEqual([]);
 });
 
 it("tells nobody of their own decision", () => {
-  void ask(REQUEST, new AbortController().signal);
+  void showQuestion(REQUEST, new AbortController().signal);
   getState().questions[0]?.answer({ outcome: { outcome: "selected", optionId: "allow_once" } });
-  decided("s1", "c3", BEN);
+  applyDecision("s1", "c3", BEN);
   expect(getState().toasts).toEqual([]);
 });
 
 it("tells the next person nothing of what the one before was asked", () => {
   const withdrawn = new AbortController();
-  void ask(REQUEST, withdrawn.signal);
+  void showQuestion(REQUEST, withdrawn.signal);
   withdrawn.abort();
-  end();
-  decided("s1", "c3", BEN);
+  endConnection();
+  applyDecision("s1", "c3", BEN);
   expect(getState().toasts).toEqual([]);
 });
 
 it("is of no interest any more in a session that was let go", () => {
   const withdrawn = new AbortController();
-  void ask(REQUEST, withdrawn.signal);
-  void ask({ ...REQUEST, sessionId: "s2" }, withdrawn.signal);
+  void showQuestion(REQUEST, withdrawn.signal);
+  void showQuestion({ ...REQUEST, sessionId: "s2" }, withdrawn.signal);
   withdrawn.abort();
   forgetSession("s1");
-  decided("s1", "c3", BEN);
+  applyDecision("s1", "c3", BEN);
   expect(getState().toasts).toEqual([]);
-  decided("s2", "c3", BEN);
+  applyDecision("s2", "c3", BEN);
   expect(getState().toasts).toHaveLength(1);
 });
 
 it("uses the agent's clock where it is ahead or behind", () => {
   setState({ clockOffsetMs: 3_600_000 });
   const expires = new Date(Date.now() + 3_600_000 + 30_000).toISOString();
-  void ask(
-    { ...REQUEST, _meta: { ...REQUEST._meta, "robot-acp/expires": expires } },
+  void showQuestion(
+    { ...REQUEST, _meta: { ...REQUEST._meta, [META.expires]: expires } },
     new AbortController().signal,
   );
   const left = (getState().questions[0]?.expiresAt ?? 0) - Date.now();

@@ -1,9 +1,10 @@
 /** A person is called once for each question; where the browser forbids something, nothing breaks. */
+import { STORAGE } from "../browser-storage";
 import { beforeEach, describe, expect, it, vi } from "vitest";
-import { Calls } from "./announced-questions";
-import { askAllowance, notify, useAllowance } from "./notification";
-import { change, useAttentionSettings } from "./settings";
-import { chime, tuneAtFirstGesture } from "./sound";
+import { AnnouncedQuestions } from "./announced-questions";
+import { requestNotificationPermission, notify, useNotificationPermission } from "./notification";
+import { updateAttentionSettings, useAttentionSettings } from "./settings";
+import { chime, prepareAudioAtGesture } from "./sound";
 
 const question = (toolCallId: string): { sessionId: string; toolCallId: string } => ({
   sessionId: "s1",
@@ -13,18 +14,18 @@ const question = (toolCallId: string): { sessionId: string; toolCallId: string }
 beforeEach(() => vi.unstubAllGlobals());
 
 it("calls once for each question, also when it comes again after a cut", () => {
-  const calls = new Calls();
-  expect(calls.fresh([question("a")])).toEqual([question("a")]);
-  expect(calls.fresh([question("a"), question("b")])).toEqual([question("b")]);
-  expect(calls.fresh([])).toEqual([]);
-  expect(calls.fresh([question("a")])).toEqual([]);
-  expect(calls.fresh([{ ...question("a"), sessionId: "s2" }])).toHaveLength(1);
+  const calls = new AnnouncedQuestions();
+  expect(calls.takeNew([question("a")])).toEqual([question("a")]);
+  expect(calls.takeNew([question("a"), question("b")])).toEqual([question("b")]);
+  expect(calls.takeNew([])).toEqual([]);
+  expect(calls.takeNew([question("a")])).toEqual([]);
+  expect(calls.takeNew([{ ...question("a"), sessionId: "s2" }])).toHaveLength(1);
 });
 
 it("remembers what was chosen", () => {
-  change({ sound: false });
+  updateAttentionSettings({ sound: false });
   expect(useAttentionSettings.getState()).toMatchObject({ sound: false, notify: true });
-  expect(JSON.parse(window.localStorage.getItem("robot-acp/attention") ?? "")).toEqual({
+  expect(JSON.parse(window.localStorage.getItem(STORAGE.attention) ?? "")).toEqual({
     sound: false,
     notify: true,
   });
@@ -65,14 +66,14 @@ describe("notifications", () => {
     };
     vi.stubGlobal("Notification", Object.assign(forbidden, { permission: "granted" }));
     notify("q1", "Sancho asks", "", () => undefined)();
-    expect(useAllowance.getState().allowance).toBe("none");
+    expect(useNotificationPermission.getState().permission).toBe("none");
   });
 
   it("are asked for only by a call", async () => {
     vi.stubGlobal("Notification", Shown);
     expect(Shown.requestPermission).not.toHaveBeenCalled();
-    await askAllowance();
-    expect(useAllowance.getState().allowance).toBe("granted");
+    await requestNotificationPermission();
+    expect(useNotificationPermission.getState().permission).toBe("granted");
   });
 });
 
@@ -87,7 +88,7 @@ it("is silent before a gesture, and where there is no sound", () => {
       resume = (): Promise<void> => new Promise(() => undefined);
     },
   );
-  const off = tuneAtFirstGesture();
+  const off = prepareAudioAtGesture();
   chime();
   expect(made).not.toHaveBeenCalled();
   window.dispatchEvent(new Event("pointerdown"));

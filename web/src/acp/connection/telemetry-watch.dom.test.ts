@@ -2,9 +2,10 @@
 import type { ClientContext, InitializeResponse } from "@agentclientprotocol/sdk";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 import { getState, INITIAL, setState } from "../../state/store";
-import { end, start, tryNow } from "./connection";
+import { endConnection, startConnection, reconnectNow } from "./connection";
 import { Link, type LinkEvents } from "./link";
 import { parseTelemetry } from "../../wire/telemetry";
+import { METHODS } from "../../wire/methods";
 
 const DRIVING = parseTelemetry({
   robot: "Sancho",
@@ -28,11 +29,11 @@ beforeEach(() => {
   });
   probe = vi.spyOn(Link.prototype, "probe").mockResolvedValue();
   drop = vi.spyOn(Link.prototype, "drop").mockReturnValue();
-  start({ onOpen: () => Promise.resolve(), onQuestion: () => new Promise(() => undefined) });
+  startConnection({ onOpen: () => Promise.resolve(), onQuestion: () => new Promise(() => undefined) });
 });
 
 afterEach(() => {
-  end();
+  endConnection();
   vi.restoreAllMocks();
   vi.useRealTimers();
   vi.unstubAllGlobals();
@@ -43,11 +44,11 @@ it("is nothing after 3 s, and what comes then", () => {
   vi.advanceTimersByTime(2900);
   line.onTelemetry(DRIVING);
   vi.advanceTimersByTime(2900);
-  expect(getState()).toMatchObject({ telemetry: DRIVING, heardUntil: null });
+  expect(getState()).toMatchObject({ telemetry: DRIVING, silentSince: null });
   vi.advanceTimersByTime(200);
-  expect(getState()).toMatchObject({ telemetry: null, heardUntil: expect.closeTo(102.9, 1) as number });
+  expect(getState()).toMatchObject({ telemetry: null, silentSince: expect.closeTo(102.9, 1) as number });
   line.onTelemetry(DRIVING);
-  expect(getState()).toMatchObject({ telemetry: DRIVING, heardUntil: null });
+  expect(getState()).toMatchObject({ telemetry: DRIVING, silentSince: null });
 });
 
 it("is what was told of a robot that cannot be reached: that is told once", () => {
@@ -55,19 +56,19 @@ it("is what was told of a robot that cannot be reached: that is told once", () =
   line.onTelemetry(DRIVING);
   line.onTelemetry(away);
   vi.advanceTimersByTime(60_000);
-  expect(getState()).toMatchObject({ telemetry: away, heardUntil: null });
+  expect(getState()).toMatchObject({ telemetry: away, silentSince: null });
 });
 
 it("is what is heard from an agent that tells nothing of the robot", () => {
   vi.advanceTimersByTime(60_000);
-  expect(getState()).toMatchObject({ telemetry: null, heardUntil: null });
+  expect(getState()).toMatchObject({ telemetry: null, silentSince: null });
 });
 
 it("ended when it was heard last, although the line was lost later", () => {
   line.onTelemetry(DRIVING);
   vi.advanceTimersByTime(9000);
   line.onLost();
-  expect(getState()).toMatchObject({ telemetry: null, heardUntil: expect.closeTo(100, 1) as number });
+  expect(getState()).toMatchObject({ telemetry: null, silentSince: expect.closeTo(100, 1) as number });
 });
 
 it("makes the page ask whether the line is dead, for as long as it lasts", () => {
@@ -84,10 +85,10 @@ it("makes the page ask whether the line is dead, for as long as it lasts", () =>
 
 it("can be ended by somebody who wants a new line, and a line that brings something is kept", () => {
   line.onTelemetry(DRIVING);
-  tryNow();
+  reconnectNow();
   expect(drop).not.toHaveBeenCalled();
   vi.advanceTimersByTime(3100);
-  tryNow();
+  reconnectNow();
   expect(drop).toHaveBeenCalledOnce();
 });
 
@@ -95,7 +96,7 @@ it("ended when the robot was heard last, also when the machine slept meanwhile",
   line.onTelemetry(DRIVING);
   vi.setSystemTime(3_700_000);
   document.dispatchEvent(new Event("visibilitychange"));
-  expect(getState()).toMatchObject({ telemetry: null, heardUntil: expect.closeTo(100, 1) as number });
+  expect(getState()).toMatchObject({ telemetry: null, silentSince: expect.closeTo(100, 1) as number });
   expect(probe).toHaveBeenCalledOnce();
 });
 
@@ -103,7 +104,7 @@ it("is not what begins whenever the page is looked at", () => {
   line.onTelemetry(DRIVING);
   vi.advanceTimersByTime(2000);
   window.dispatchEvent(new Event("focus"));
-  expect(getState()).toMatchObject({ telemetry: DRIVING, heardUntil: null });
+  expect(getState()).toMatchObject({ telemetry: DRIVING, silentSince: null });
 });
 
 const opens = (extensions: string[]): void => {
@@ -119,28 +120,28 @@ it("lasts until something is heard, not until the line is open again", () => {
   line.onTelemetry(DRIVING);
   line.onLost();
   vi.setSystemTime(110_000);
-  opens(["_robot/telemetry"]);
-  expect(getState()).toMatchObject({ telemetry: null, heardUntil: expect.closeTo(100, 1) as number });
+  opens([METHODS.telemetry]);
+  expect(getState()).toMatchObject({ telemetry: null, silentSince: expect.closeTo(100, 1) as number });
   vi.advanceTimersByTime(3100);
   expect(probe).toHaveBeenCalledOnce();
   line.onTelemetry(DRIVING);
-  expect(getState()).toMatchObject({ telemetry: DRIVING, heardUntil: null });
+  expect(getState()).toMatchObject({ telemetry: DRIVING, silentSince: null });
 });
 
 it("begins 3 s after an agent that tells of the robot has said hello, if that is all", () => {
-  opens(["_robot/telemetry"]);
-  expect(getState().heardUntil).toBeNull();
+  opens([METHODS.telemetry]);
+  expect(getState().silentSince).toBeNull();
   vi.advanceTimersByTime(3100);
-  expect(getState().heardUntil).toBeCloseTo(100, 1);
+  expect(getState().silentSince).toBeCloseTo(100, 1);
 });
 
 it("is over with an agent that tells nothing of the robot, and does not begin when all was told before", () => {
   line.onLost();
-  expect(getState().heardUntil).not.toBeNull();
+  expect(getState().silentSince).not.toBeNull();
   opens([]);
-  expect(getState().heardUntil).toBeNull();
+  expect(getState().silentSince).toBeNull();
   line.onTelemetry(parseTelemetry({ robot: "Sancho", online: false }));
-  opens(["_robot/telemetry"]);
+  opens([METHODS.telemetry]);
   vi.advanceTimersByTime(60_000);
-  expect(getState().heardUntil).toBeNull();
+  expect(getState().silentSince).toBeNull();
 });
