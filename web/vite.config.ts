@@ -1,6 +1,7 @@
 /** How the web app is built, served while one works on it, and tested. The bridge is at 127.0.0.1:8080, or at ROBOT_ACP_WEB_BRIDGE. */
 import react from "@vitejs/plugin-react";
 import { defineConfig } from "vitest/config";
+import { kioskStaysSmall } from "./build-check.ts";
 
 const bridge = process.env["ROBOT_ACP_WEB_BRIDGE"] ?? "http://127.0.0.1:8080";
 // The bridge compares Origin with Host, so both have to name it.
@@ -10,7 +11,7 @@ const proxied = { target: bridge, changeOrigin: true, ws: true, headers: { origi
 const WITH_PAGE = ["src/**/*.test.tsx", "src/**/*.dom.test.ts"];
 
 export default defineConfig({
-  plugins: [react()],
+  plugins: [react(), kioskStaysSmall()],
   server: {
     host: "127.0.0.1",
     proxy: { "/acp": proxied, "/api": proxied, "/scene": proxied },
@@ -24,7 +25,7 @@ export default defineConfig({
         test: {
           name: "data",
           environment: "node",
-          include: ["*.test.ts", "src/**/*.test.ts"],
+          include: ["*.test.{js,ts}", "src/**/*.test.ts"],
           exclude: WITH_PAGE,
           setupFiles: ["src/test-setup.ts"],
         },

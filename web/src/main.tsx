@@ -3,18 +3,7 @@ import { createRoot } from "react-dom/client";
 import { signInOnLoad } from "./acp/connection/connection";
 import { App } from "./app";
 import { startPageLanguage } from "./i18n/page-language";
-import "./styles/tokens.css";
-import "./styles/base.css";
-import "./styles/layout.css";
-import "./styles/header.css";
-import "./styles/sessions.css";
-import "./styles/conversation.css";
-import "./styles/question.css";
-import "./styles/scene.css";
-import "./styles/scene-bar.css";
-import "./styles/camera.css";
-import "./styles/overlays.css";
-import "./styles/people.css";
+import "./styles/main.css";
 
 startPageLanguage();
 // Before anything is drawn: the token must not wait in the address until a slow machine has drawn the page.

@@ -6,4 +6,6 @@ import { vi } from "vitest";
 vi.setConfig({ testTimeout: 60_000 });
 
 // Node 20 has no navigator; the format of numbers asks it for the reader's region.
-globalThis.navigator ??= { languages: ["en-US"] } as unknown as Navigator;
+if (!Reflect.has(globalThis, "navigator")) {
+  Object.defineProperty(globalThis, "navigator", { value: { languages: ["en-US"] } });
+}

@@ -10,7 +10,7 @@ import { AskBar } from "./ask/ask-bar";
 import { Answer } from "./answer/answer";
 import { Greeting } from "./greeting";
 import { KioskMap } from "./kiosk-map";
-import "./kiosk.css";
+import "./styles.css";
 import { Notices } from "./notices";
 import { kioskSettings } from "./settings";
 import { StillThere } from "./idle/still-there";

@@ -39,7 +39,7 @@ export interface Question {
 
 export interface Toast {
   id: number;
-  tone: "info" | "danger";
+  tone: "info" | "warning";
   text: string;
   /** The language of a sentence that is not the page's own. */
   lang: string | undefined;

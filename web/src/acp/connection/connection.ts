@@ -220,7 +220,7 @@ export async function releaseRobot(): Promise<void> {
     setState({ stop: null });
   } catch (error) {
     const sentence = error instanceof http.HttpError ? error.message : "";
-    if (sentence === "") toast("danger", i18next.t("stop.releaseFailed"));
-    else toast("danger", sentence, "en");
+    if (sentence === "") toast("warning", i18next.t("stop.releaseFailed"));
+    else toast("warning", sentence, "en");
   }
 }

@@ -88,7 +88,7 @@ function reportTakeOver(sessionId: string, by: string | null): void {
   const lastPrompt = conversations[sessionId]?.items.findLast((item) => item.kind === "user");
   if (by === null || auth.status !== "in" || lastPrompt?.author !== auth.me.name || by === auth.me.name)
     return;
-  toast("danger", i18next.t("people.lost", { name: by, robot: robotName(getState()) }));
+  toast("warning", i18next.t("people.lost", { name: by, robot: robotName(getState()) }));
 }
 
 export async function listSessions(): Promise<void> {
@@ -351,6 +351,6 @@ export async function applySetting(setting: Setting, value: string): Promise<voi
       updateConversation(sessionId, (conversation) => ({ ...conversation, options: answer.configOptions }));
     }
   } catch (error) {
-    if (error instanceof RequestError) toast("danger", error.message, "en");
+    if (error instanceof RequestError) toast("warning", error.message, "en");
   }
 }

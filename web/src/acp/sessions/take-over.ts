@@ -20,7 +20,7 @@ export async function takeOver(next: string | null, from: string): Promise<void>
   } catch (error) {
     if (!(error instanceof RequestError)) return;
     const holder = isRecord(error.data) ? asString(error.data["holder"]) : null;
-    if (holder === null) toast("danger", error.message, "en");
+    if (holder === null) toast("warning", error.message, "en");
     else toast("info", i18next.t("people.changedHands", { robot: robotName(getState()), name: holder }));
   }
 }

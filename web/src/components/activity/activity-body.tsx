@@ -1,13 +1,10 @@
 /** The two views of the activity panel: the turn with the small plots, and the log of the session. */
 import { Tabs } from "radix-ui";
-import { lazy, Suspense } from "react";
 import { useTranslation } from "react-i18next";
 import { useStore } from "../../state/store";
-import "../../styles/activity.css";
 import { LogView } from "./log-view";
+import { Plots } from "./plots";
 import { TurnView } from "./turn-view";
-
-const Plots = lazy(() => import("./plots"));
 
 export default function ActivityBody() {
   const { t, i18n } = useTranslation();
@@ -24,9 +21,7 @@ export default function ActivityBody() {
       </Tabs.List>
       <Tabs.Content value="turn" className="activity-turn">
         <TurnView />
-        <Suspense fallback={null}>
-          <Plots />
-        </Suspense>
+        <Plots />
       </Tabs.Content>
       <Tabs.Content value="log" className="activity-log">
         {sessionId === null ? (

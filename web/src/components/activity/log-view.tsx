@@ -216,7 +216,7 @@ function Export({ sessionId, empty }: { sessionId: string; empty: boolean }) {
       const title = state.conversations[sessionId]?.title ?? null;
       download(await exportEvents(sessionId), fileName(robotName(state), title, sessionId, new Date()));
     } catch {
-      toast("danger", t("log.exportFailed"));
+      toast("warning", t("log.exportFailed"));
     } finally {
       setBusy(false);
     }

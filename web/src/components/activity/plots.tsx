@@ -2,21 +2,24 @@
  * Speed, battery and link over the last minutes, each with its numbers in words. Drawn at most twice a second, and only
  * while it is on the screen.
  */
-import { useEffect, useRef, useState } from "react";
+import { useEffect, useRef, useState, type RefObject } from "react";
 import { useTranslation } from "react-i18next";
-import uPlot from "uplot";
-import "uplot/dist/uPlot.min.css";
 import { samples } from "../../acp/screens/record-samples";
 import { fixed, percent, speed } from "../../i18n/format";
-import { QUANTITIES, rangeOf, SPAN_S, type Quantity, type Range } from "../../state/samples";
+import { plotPaths } from "./plot-path";
+import { QUANTITIES, rangeOf, SPAN_S, type Quantity, type Series } from "../../state/samples";
 
 const DRAW_MS = 500;
+/** The drawing's own units; it is stretched to the width of its box. */
+const WIDTH = 300;
 const HEIGHT = 44;
 
-/** From 0 up, at least this far: unrest in the last digit must not look like a change. */
-const REACH: Record<Quantity, number> = { speed: 0.5, battery: 100, link: 20 };
+/** The least value at the upper edge: noise in the last digit must not look like a change. */
+const LEAST_TOP: Record<Quantity, number> = { speed: 0.5, battery: 100, link: 20 };
+/** Room above the highest value. */
+const HEADROOM = 1.1;
 
-export default function Plots() {
+export function Plots() {
   const { t } = useTranslation();
   return (
     <section className="plots" aria-label={t("plots.title")}>
@@ -28,16 +31,18 @@ export default function Plots() {
   );
 }
 
-const NOTHING: Range = { now: null, least: null, most: null };
-
 function Plot({ quantity }: { quantity: Quantity }) {
   const { t } = useTranslation();
-  const box = useRef<HTMLDivElement>(null);
-  const [range, setRange] = useState<Range>(NOTHING);
-  useEffect(() => (box.current === null ? undefined : draw(box.current, quantity, setRange)), [quantity]);
+  const figure = useRef<HTMLElement>(null);
+  const { series, now } = useRecentSamples(quantity, figure);
+  const range = rangeOf(series);
+  const top = Math.max(LEAST_TOP[quantity], (range.most ?? 0) * HEADROOM);
+  const plot = { width: WIDTH, height: HEIGHT, from: now - SPAN_S, to: now, top };
+  // The link is measured every few seconds, and its value holds until it is measured again.
+  const { line, area } = plotPaths(series, plot, quantity === "link");
   const value = (of: number | null): string => (of === null ? t("status.unknown") : inWords(quantity, of));
   return (
-    <figure className="plot" data-testid={`plot-${quantity}`} data-now={range.now ?? ""}>
+    <figure ref={figure} className="plot" data-testid={`plot-${quantity}`} data-now={range.now ?? ""}>
       <figcaption>
         <span>{t(`plots.${quantity}`)}</span>
         <strong>{value(range.now)}</strong>
@@ -46,7 +51,15 @@ function Plot({ quantity }: { quantity: Quantity }) {
         </span>
       </figcaption>
       {/* The line says nothing that the words above do not. */}
-      <div className="plot-box" ref={box} aria-hidden="true" />
+      <svg
+        className="plot-box"
+        viewBox={`0 0 ${WIDTH} ${HEIGHT}`}
+        preserveAspectRatio="none"
+        aria-hidden="true"
+      >
+        <path className="plot-area" d={area} />
+        <path className="plot-line" d={line} />
+      </svg>
     </figure>
   );
 }
@@ -62,72 +75,36 @@ function inWords(quantity: Quantity, value: number): string {
   }
 }
 
-/** Draws into `box` until what it returns is called. */
-function draw(box: HTMLElement, quantity: Quantity, tell: (range: Range) => void): () => void {
-  let plot = plotted(box, quantity);
-  let seen = true;
-  const refresh = (): void => {
-    if (!seen || document.visibilityState === "hidden") return;
-    const now = Date.now() / 1000;
-    const series = samples.series(quantity, now - SPAN_S);
-    plot.setData([series.at, series.values], false);
-    plot.setScale("x", { min: now - SPAN_S, max: now });
-    const range = rangeOf(series);
-    plot.setScale("y", { min: 0, max: Math.max(REACH[quantity], (range.most ?? 0) * 1.1) });
-    tell(range);
-  };
-  const dark = window.matchMedia("(prefers-color-scheme: dark)");
-  const repaint = (): void => {
-    plot.destroy();
-    plot = plotted(box, quantity);
-    refresh();
-  };
-  const resized = new ResizeObserver(() => {
-    if (box.clientWidth > 0) plot.setSize({ width: box.clientWidth, height: HEIGHT });
-  });
-  const looked = new IntersectionObserver((entries) => {
-    seen = entries.some(({ isIntersecting }) => isIntersecting);
-    refresh();
-  });
-  const timer = setInterval(refresh, DRAW_MS);
-  dark.addEventListener("change", repaint);
-  resized.observe(box);
-  looked.observe(box);
-  refresh();
-  return () => {
-    clearInterval(timer);
-    dark.removeEventListener("change", repaint);
-    resized.disconnect();
-    looked.disconnect();
-    plot.destroy();
-  };
+interface Recent {
+  series: Series;
+  /** Unix seconds of this machine's clock. */
+  now: number;
 }
 
-function plotted(box: HTMLElement, quantity: Quantity): uPlot {
-  const token = (name: string): string => getComputedStyle(box).getPropertyValue(name).trim();
-  return new uPlot(
-    {
-      width: Math.max(box.clientWidth, 40),
-      height: HEIGHT,
-      padding: [4, 0, 2, 0],
-      cursor: { show: false },
-      legend: { show: false },
-      axes: [{ show: false }, { show: false }],
-      scales: { x: { time: false, auto: false }, y: { auto: false } },
-      series: [
-        {},
-        {
-          stroke: token("--accent"),
-          fill: token("--accent-soft"),
-          width: 1.5,
-          spanGaps: false,
-          points: { show: false },
-          // The link is measured every few seconds and holds until it is measured again.
-          ...(quantity === "link" && uPlot.paths.stepped ? { paths: uPlot.paths.stepped({ align: 1 }) } : {}),
-        },
-      ],
-    },
-    [[], []],
-    box,
-  );
+function recentSamples(quantity: Quantity): Recent {
+  const now = Date.now() / 1000;
+  return { series: samples.series(quantity, now - SPAN_S), now };
+}
+
+/** The samples of the last minutes. They stay as they are while nobody can see `element`. */
+function useRecentSamples(quantity: Quantity, element: RefObject<HTMLElement | null>): Recent {
+  const [recent, setRecent] = useState(() => recentSamples(quantity));
+  useEffect(() => {
+    if (element.current === null) return;
+    let visible = true;
+    const refresh = (): void => {
+      if (visible && document.visibilityState !== "hidden") setRecent(recentSamples(quantity));
+    };
+    const observer = new IntersectionObserver((entries) => {
+      visible = entries.some(({ isIntersecting }) => isIntersecting);
+      refresh();
+    });
+    observer.observe(element.current);
+    const timer = setInterval(refresh, DRAW_MS);
+    return () => {
+      clearInterval(timer);
+      observer.disconnect();
+    };
+  }, [quantity, element]);
+  return recent;
 }

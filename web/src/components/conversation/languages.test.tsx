@@ -117,7 +117,7 @@ it("a question has what is to be said aloud in a language that nobody knows", ()
 
 it("a refusal of the server is English, and the page's own sentence is not", () => {
   setState({ stopError: "The robot does not answer." });
-  toast("danger", "No such session.", "en");
+  toast("warning", "No such session.", "en");
   toast("info", "Ya nadie lo tiene.");
   const { unmount } = render(
     <>

@@ -6,8 +6,9 @@ import { useTranslation } from "react-i18next";
 import type { ContentBlock } from "@agentclientprotocol/sdk";
 import type { AgentItem, NoteItem, UserItem } from "../../state/conversation/conversation";
 import { robotName, useMe, useStore } from "../../state/store";
-import { Picture, Sound } from "../shared/sound-player";
+import { Sound } from "../shared/sound-player";
 import { SentenceWithQuote } from "../shared/sentence-with-quote";
+import { Picture } from "./picture";
 
 const Markdown = lazy(() => import("../shared/markdown"));
 
@@ -101,7 +102,7 @@ export function Note({ item }: { item: NoteItem }) {
   const robot = useStore(robotName);
   if (item.error !== null) {
     return (
-      <p className="note note-danger" role="alert">
+      <p className="note note-failed" role="alert">
         <TriangleAlert aria-hidden />
         <span>
           <SentenceWithQuote

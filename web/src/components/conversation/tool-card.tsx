@@ -21,10 +21,11 @@ import type { ToolItem } from "../../state/conversation/conversation";
 import { useStore } from "../../state/store";
 import { outcomeOf, summaryOf, type Outcome } from "../../state/conversation/tool-summary";
 import { DataView } from "../controls/data-view";
-import { Picture, Sound } from "../shared/sound-player";
+import { Sound } from "../shared/sound-player";
 import { SentenceWithQuote } from "../shared/sentence-with-quote";
 import { RobotAwaited } from "./waiting-for-robot";
 import { isRecord } from "../../wire/fields";
+import { Picture } from "./picture";
 
 const ICONS: Record<Outcome, typeof Ban> = {
   pending: CircleDashed,

@@ -17,6 +17,7 @@ import { SessionDrawer, SessionPane } from "../sessions/session-pane";
 import { TalkPane } from "../conversation/talk-pane";
 import { Toasts } from "./toasts";
 import { focusQuestion } from "../questions/question-card";
+import "../../styles/dashboard.css";
 
 export default function Dashboard() {
   const { t } = useTranslation();

@@ -113,7 +113,7 @@ function SessionList({ onChosen }: { onChosen: () => void }) {
         onYes={() => {
           if (doomed === null) return;
           deleteSession(doomed.sessionId).catch((error: unknown) => {
-            toast("danger", error instanceof Error ? error.message : String(error), "en");
+            toast("warning", error instanceof Error ? error.message : String(error), "en");
           });
         }}
       />

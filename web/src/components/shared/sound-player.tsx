@@ -1,36 +1,8 @@
-/** Pictures that the robot took and sounds that it made. Nothing plays by itself. */
-import { Pause, Play, X } from "lucide-react";
-import { Dialog } from "radix-ui";
+/** The player of a sound that the robot made. Nothing plays by itself. */
+import { Pause, Play } from "lucide-react";
 import { useEffect, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
-
-/** Only what a browser shows or plays without executing anything. */
-export function safeType(mimeType: string, kind: "image" | "audio"): string {
-  return new RegExp(`^${kind}/(?!svg)[\\w.+-]+$`).test(mimeType) ? mimeType : `${kind}/*`;
-}
-
-export function Picture({ data, mimeType, title }: { data: string; mimeType: string; title: string }) {
-  const { t } = useTranslation();
-  const source = `data:${safeType(mimeType, "image")};base64,${data}`;
-  const words = t("talk.picture", { title });
-  return (
-    <Dialog.Root>
-      <Dialog.Trigger className="picture" aria-label={`${words}. ${t("talk.enlarge")}`}>
-        <img src={source} alt={words} />
-      </Dialog.Trigger>
-      <Dialog.Portal>
-        <Dialog.Overlay className="overlay" />
-        <Dialog.Content className="lightbox" aria-describedby={undefined}>
-          <Dialog.Title className="sr-only">{words}</Dialog.Title>
-          <img src={source} alt={words} />
-          <Dialog.Close className="icon-button lightbox-close" aria-label={t("talk.close")}>
-            <X aria-hidden />
-          </Dialog.Close>
-        </Dialog.Content>
-      </Dialog.Portal>
-    </Dialog.Root>
-  );
-}
+import { safeType } from "./media-type";
 
 function time(seconds: number): string {
   const whole = Number.isFinite(seconds) ? Math.round(seconds) : 0;

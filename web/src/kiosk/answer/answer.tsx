@@ -3,7 +3,7 @@ import { CircleStop, Hand, LoaderCircle } from "lucide-react";
 import { useTranslation } from "react-i18next";
 import { cancelTurn } from "../../acp/sessions/sessions";
 import Markdown from "../../components/shared/markdown";
-import { safeType, Sound } from "../../components/shared/sound-player";
+import { Sound } from "../../components/shared/sound-player";
 import { SentenceWithQuote } from "../../components/shared/sentence-with-quote";
 import { useConversation } from "../../hooks/use-conversation";
 import type { Item } from "../../state/conversation/conversation";
@@ -11,6 +11,7 @@ import { conversationOf, robotName, useStore } from "../../state/store";
 import { exchange, untranslatedIn } from "./robot-activity";
 import { answerOf, pictures, sounds, textOf, thoughtOf } from "./exchange";
 import { useRobotActivity, useActivityDetail, useActivityText } from "./use-robot-activity";
+import { safeType } from "../../components/shared/media-type";
 
 export function Answer() {
   const { t } = useTranslation();

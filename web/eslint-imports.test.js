@@ -9,10 +9,10 @@ import imports from "./eslint-imports.js";
 const TABLE = config.map(({ rules }) => rules?.["imports/direction"]).find(Array.isArray);
 
 /** What is reported of a file with this text; its path is within src/. */
-function reported(path: string, text: string): string[] {
+function reported(path, text) {
   const linter = new Linter({ configType: "flat", cwd: import.meta.dirname });
-  const rules = { "imports/direction": TABLE ?? "off", "imports/no-cycle": "error" } as Linter.RulesRecord;
-  const languageOptions = { parser: tseslint.parser as Linter.Parser };
+  const rules = { "imports/direction": TABLE ?? "off", "imports/no-cycle": "error" };
+  const languageOptions = { parser: tseslint.parser };
   const files = ["**/*.ts", "**/*.tsx"];
   const messages = linter.verify(text, [{ files, languageOptions, plugins: { imports }, rules }], {
     filename: join(import.meta.dirname, "src", path),
