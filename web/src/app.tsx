@@ -1,4 +1,4 @@
-/** The page: who is not logged in sees the login, everybody else the dashboard or, at /kiosk, the kiosk. */
+/** The page: the login for those who are not logged in, else the dashboard or, at /kiosk, the kiosk. */
 import { lazy, Suspense } from "react";
 import { useTranslation } from "react-i18next";
 import { identityOf } from "./acp/connection/connection";
@@ -18,18 +18,18 @@ const Screen = lazy(() => loading);
 export function App() {
   const auth = useStore((state) => state.auth);
 
-  if (auth.status === "checking") return <Wait />;
+  if (auth.status === "checking") return <Loading />;
   if (auth.status === "out") return <LoginPage problem={auth.problem} />;
   return (
     <Crash>
-      <Suspense fallback={<Wait />}>
+      <Suspense fallback={<Loading />}>
         <Screen key={identityOf(auth.me)} />
       </Suspense>
     </Crash>
   );
 }
 
-function Wait() {
+function Loading() {
   const { t } = useTranslation();
   return (
     <main className="centred" aria-busy="true">

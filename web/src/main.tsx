@@ -1,4 +1,4 @@
-/** Where the page begins. */
+/** The entry of the page. */
 import { createRoot } from "react-dom/client";
 import { signInOnLoad } from "./acp/connection/connection";
 import { App } from "./app";
@@ -6,9 +6,9 @@ import { startPageLanguage } from "./i18n/page-language";
 import "./styles/main.css";
 
 startPageLanguage();
-// Before anything is drawn: the token must not wait in the address until a slow machine has drawn the page.
+// Before anything is drawn: the token must not stay in the address while a slow machine draws the page.
 void signInOnLoad();
-// A login link that is opened in a tab where the page already is changes nothing but the fragment.
+// A login link that is opened in a tab with this page changes only the fragment of the address.
 window.addEventListener("hashchange", () => {
   if (window.location.hash.includes("token=")) void signInOnLoad();
 });

@@ -1,4 +1,4 @@
-/** Which of the three layouts fits the window. */
+/** Which of the three layouts fits the window. The widths stand in styles/tokens.css, too. */
 import { useSyncExternalStore } from "react";
 
 const WIDE = "(min-width: 1024px)";

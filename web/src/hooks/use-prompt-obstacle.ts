@@ -1,4 +1,4 @@
-/** Why the person here cannot ask for anything right now, in the session on the screen; null when nothing is in the way. */
+/** Why the person here cannot send a prompt in the session on the screen right now; null when they can. */
 import { canPrompt } from "../state/rights";
 import { conversationOf, useMe, useStore } from "../state/store";
 

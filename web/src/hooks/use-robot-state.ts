@@ -1,4 +1,4 @@
-/** What the robot is doing, for components: drawn anew only when that changes. */
+/** What the robot is doing, for components, which render again only when that changes. */
 import { useShallow } from "zustand/react/shallow";
 import { robotState, type RobotState } from "../state/robot-state";
 import { useStore } from "../state/store";

@@ -1,4 +1,4 @@
-/** Words that somebody types, and what the agent finds for them a moment after the last letter. */
+/** The words of the session search; the agent is asked a moment after the last letter. */
 import { useEffect, useState } from "react";
 import { searchSessions } from "../acp/sessions/search";
 import { useStore } from "../state/store";
@@ -16,7 +16,7 @@ export function useSessionSearch(): [words: string, setWords: (words: string) =>
     );
     return () => clearTimeout(timer);
   }, [words, online]);
-  // Whoever closes the list is done with looking.
+  // Closing the list ends the search.
   useEffect(() => () => void searchSessions("").catch(() => undefined), []);
   return [words, setWords];
 }

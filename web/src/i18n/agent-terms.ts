@@ -1,6 +1,6 @@
 /**
- * What agent and robot call by a known name, in the reader's language: tools, modes, settings. Whatever is not known
- * here, or is not what it should be, stays as it came; no free text is ever read to guess what it means.
+ * The reader's words for what agent and robot call by a known name: tools, modes, settings. Whatever is not known here, or
+ * differs from what is known, stays as it came; no free text is ever parsed for its meaning.
  */
 import en from "./locales/en";
 import i18next from "./index";
@@ -13,7 +13,7 @@ export interface Choice {
 }
 
 export interface Call {
-  /** The tool's own name; that of another server than the robot's bears the server's name, and is not known. */
+  /** The tool's own name. A tool of another server has that server's name before its own, and is not known here. */
   tool: string | null;
   input: unknown;
   title: string;
@@ -22,7 +22,7 @@ export interface Call {
 type Values = Record<string, string | number>;
 type Kind = "string" | "number";
 
-/** The arguments that stand in the title of a call. */
+/** The arguments in the title of each known call. */
 const ARGUMENTS: Record<keyof typeof en.toolCall, Record<string, Kind>> = {
   get_topological_map: {},
   get_current_pose: {},
@@ -34,45 +34,45 @@ const ARGUMENTS: Record<keyof typeof en.toolCall, Record<string, Kind>> = {
   speak: { text: "string" },
 };
 
-function knows<Texts extends object>(
+function hasText<Texts extends object>(
   texts: Texts,
   name: string | null,
 ): name is Extract<keyof Texts, string> {
   return name !== null && Object.hasOwn(texts, name);
 }
 
-/** What a call does. Its arguments stand in it as they are: who decides must be able to compare. */
+/** What a call does, in the reader's language. Its arguments are unchanged: whoever decides must be able to compare them. */
 export function callText(call: Call): string {
   const known = knownCall(call);
   return known === null ? call.title : i18next.t(`toolCall.${known.tool}`, known.values);
 }
 
-/** What in those words is not the page's: the title that came, or what is to be said aloud. */
+/** The part of `callText` that is not in the page's language: the title as it came, or the sentence to be spoken. */
 export function untranslatedPart(call: Call): string {
   const known = knownCall(call);
   if (known === null) return call.title;
   return known.tool === "speak" ? String(known.values["text"]) : "";
 }
 
-/** Whether these are words of the robot server that we know, so that what it says of the call is English. */
+/** Whether the call is one of the robot server's known ones, whose other sentences are English. */
 export function isKnownCall(call: Call): boolean {
   return knownCall(call) !== null;
 }
 
-/** The names of the arguments that stand in our words for a call; null where it keeps the title that came. */
+/** The names of the arguments in the translated text; null for a call that keeps its title. */
 export function translatedArguments(call: Call): string[] | null {
   const known = knownCall(call);
   return known && Object.keys(known.values);
 }
 
-/** A tool of another robot may have the same name and do something else: its title must be the one that is known. */
+/** The title must match, too: another robot's tool may have the same name and do something else. */
 function knownCall({ tool, input, title }: Call): { tool: keyof typeof en.toolCall; values: Values } | null {
-  if (!knows(en.toolCall, tool)) return null;
+  if (!hasText(en.toolCall, tool)) return null;
   const values = valuesOf(ARGUMENTS[tool], input);
   return values !== null && titlesOf(tool, values).includes(title) ? { tool, values } : null;
 }
 
-/** Its title in English, in every form that its numbers may have. */
+/** The English title, with every way of writing its numbers. */
 function titlesOf(tool: keyof typeof en.toolCall, values: Values): string[] {
   let written: Values[] = [{}];
   for (const [name, value] of Object.entries(values))
@@ -80,7 +80,7 @@ function titlesOf(tool: keyof typeof en.toolCall, values: Values): string[] {
   return written.map((forms) => i18next.t(`toolCall.${tool}`, { ...forms, lng: "en" }));
 }
 
-/** How a title writes an argument: Python writes 3.0 where JSON has 3. */
+/** The ways in which a title may write an argument: Python writes 3.0 where JSON has 3. */
 export function writtenForms(value: unknown): string[] {
   if (typeof value === "string") return value === "" ? [] : [value];
   if (typeof value !== "number") return [];
@@ -98,33 +98,33 @@ function valuesOf(wanted: Record<string, Kind>, input: unknown): Values | null {
   return values;
 }
 
-/** What an argument is called, or another piece of data. */
+/** The reader's word for an argument or a field of data. */
 export function argumentName(key: string): string {
-  return knows(en.argument, key) ? i18next.t(`argument.${key}`) : key.replaceAll("_", " ");
+  return hasText(en.argument, key) ? i18next.t(`argument.${key}`) : key.replaceAll("_", " ");
 }
 
-/** What a tool does, whatever its arguments. */
+/** What a tool does, without its arguments, in the reader's language. */
 export function toolText(tool: string | null, title: string): string {
-  return knows(en.tools, tool) && title === en.tools[tool] ? i18next.t(`tools.${tool}`) : title;
+  return hasText(en.tools, tool) && title === en.tools[tool] ? i18next.t(`tools.${tool}`) : title;
 }
 
-/** What in those words is not the page's. */
+/** The part of `toolText` that is not in the page's language. */
 export function untranslatedTitle(tool: string | null, title: string): string {
-  return knows(en.tools, tool) && title === en.tools[tool] ? "" : title;
+  return hasText(en.tools, tool) && title === en.tools[tool] ? "" : title;
 }
 
-/** Another agent's mode may have the same name and mean something else: its text must be the one that is known. */
+/** Name and description must match, too: another agent's mode may have the same id and mean something else. */
 export function translateMode({ value, name, description }: Choice): Choice {
-  if (!knows(en.mode, value) || name !== en.mode[value] || description !== en.modeText[value])
+  if (!hasText(en.mode, value) || name !== en.mode[value] || description !== en.modeText[value])
     return { value, name, description };
   return { value, name: i18next.t(`mode.${value}`), description: i18next.t(`modeText.${value}`) };
 }
 
-/** A mode of which only the name is told, as in the log: there is nothing to compare it with. */
+/** The reader's word for a mode of which only the id is known, as in the log. */
 export function modeName(id: string): string {
-  return knows(en.mode, id) ? i18next.t(`mode.${id}`) : id;
+  return hasText(en.mode, id) ? i18next.t(`mode.${id}`) : id;
 }
 
 export function settingName(id: string, name: string): string {
-  return knows(en.setting, id) && name === en.setting[id] ? i18next.t(`setting.${id}`) : name;
+  return hasText(en.setting, id) && name === en.setting[id] ? i18next.t(`setting.${id}`) : name;
 }

@@ -46,21 +46,21 @@ export default function Kiosk() {
     setState({ stopError: null });
     setLanguage(initialLanguage());
   }, []);
-  const nobodyThere = useCallback(() => {
+  const startOverAlone = useCallback(() => {
     startOver();
     void isOutdated().then((outdated) => {
       if (outdated) window.location.reload();
     });
   }, [startOver]);
-  // Without a connection nobody knows what runs, and the visitor's words shall not stay for as long as it is gone.
-  const { endsAt, stay } = useIdleTimer(SETTINGS.idleMs, running && online, nobodyThere);
-  const somethingToLose = visiting || text !== "" || i18n.language !== initialLanguage();
+  // A turn pauses the time, but not without a connection: then nobody knows whether it runs, and the visitor's words must not stay.
+  const { endsAt, stay } = useIdleTimer(SETTINGS.idleMs, running && online, startOverAlone);
+  const hasVisitor = visiting || text !== "" || i18n.language !== initialLanguage();
 
-  const want = (wish: string): void => {
+  const request = (words: string): void => {
     setText("");
     setFailed(false);
-    // A refusal of the prompt itself is part of the conversation; this is one of the session.
-    sendRequest(wish, me.name).catch(() => setFailed(true));
+    // A refused prompt is part of the conversation; this is about a session that could not be begun.
+    sendRequest(words, me.name).catch(() => setFailed(true));
   };
 
   return (
@@ -77,13 +77,13 @@ export default function Kiosk() {
         </section>
         {canPrompt(me.role) ? (
           <section className="kiosk-ask" aria-label={t("kiosk.suggestions")} data-running={running}>
-            {!running && <Suggestions compact={visiting} onWish={want} />}
+            {!running && <Suggestions compact={visiting} onRequest={request} />}
             <AskBar
               text={text}
               onText={setText}
               running={running}
               voice={SETTINGS.voice}
-              onSend={() => want(text.trim())}
+              onSend={() => request(text.trim())}
             />
           </section>
         ) : (
@@ -95,7 +95,7 @@ export default function Kiosk() {
         <Notices onStopAgain={() => void stopRobot()} />
         <StopButton />
       </footer>
-      {endsAt !== null && somethingToLose && <StillThere endsAt={endsAt} onStay={stay} />}
+      {endsAt !== null && hasVisitor && <StillThere endsAt={endsAt} onStay={stay} />}
     </div>
   );
 }

@@ -1,4 +1,4 @@
-/** The two views of the activity panel: the turn with the small plots, and the log of the session. */
+/** The two views of the activity panel: the turn with the plots, and the log of the session. */
 import { Tabs } from "radix-ui";
 import { useTranslation } from "react-i18next";
 import { useStore } from "../../state/store";
@@ -27,7 +27,7 @@ export default function ActivityBody() {
         {sessionId === null ? (
           <p className="muted small log-none">{t("log.noSession")}</p>
         ) : (
-          // Its rows are in the words of the language in which they were read.
+          // Rows keep the language in which they were made, so another language needs a new log.
           <LogView key={`${sessionId} ${i18n.language}`} sessionId={sessionId} />
         )}
       </Tabs.Content>

@@ -1,4 +1,4 @@
-/** One event of the log in a line; all that is in it is asked for when somebody opens it. */
+/** One event of the log in a line. Its content is read from the agent when the row is opened. */
 import { ChevronRight } from "lucide-react";
 import { memo, useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
@@ -8,7 +8,8 @@ import type { Row } from "../../state/log-rows";
 import { DataView } from "../controls/data-view";
 import { isRecord } from "../../wire/fields";
 
-const LONGEST = 600;
+/** Characters of a text that are shown. */
+const MAX_TEXT = 600;
 
 export const LogRow = memo(function LogRow(props: { row: Row; name: string; sessionId: string }) {
   const { row, name, sessionId } = props;
@@ -35,7 +36,7 @@ export const LogRow = memo(function LogRow(props: { row: Row; name: string; sess
 
 const ENDS = ["cancelled", "max_tokens", "max_turn_requests", "refusal", "interrupted"] as const;
 
-/** How a turn ended, in words; a normal end needs none. Null for a row of anything else. */
+/** How a turn ended, in words; empty for a normal end, null for every other kind of row. */
 function useEnd({ kind, text }: Row): string | null {
   const { t } = useTranslation();
   if (kind !== "ended") return null;
@@ -45,30 +46,30 @@ function useEnd({ kind, text }: Row): string | null {
 
 function Details({ seq, sessionId }: { seq: number; sessionId: string }) {
   const { t } = useTranslation();
-  const [told, setTold] = useState<unknown>(undefined);
+  const [update, setUpdate] = useState<unknown>(undefined);
   const [failed, setFailed] = useState(false);
   useEffect(() => {
-    let over = false;
+    let closed = false;
     readEvents(sessionId, seq - 1, 1).then(
-      ({ events }) => !over && setTold(shortened(events[0]?.update)),
-      () => !over && setFailed(true),
+      ({ events }) => !closed && setUpdate(shortened(events[0]?.update)),
+      () => !closed && setFailed(true),
     );
     return () => {
-      over = true;
+      closed = true;
     };
   }, [seq, sessionId]);
   if (failed) return <p className="log-details muted small">{t("log.noDetails")}</p>;
-  if (told === undefined) return <p className="log-details muted small">{t("log.reading")}</p>;
+  if (update === undefined) return <p className="log-details muted small">{t("log.reading")}</p>;
   return (
     <div className="log-details details-text" data-testid="log-details">
-      <DataView value={told} />
+      <DataView value={update} />
     </div>
   );
 }
 
-/** Pictures and sounds are long texts here, and nobody reads those. */
+/** Cuts long texts: pictures and sounds are such texts here, and nobody reads them. */
 function shortened(value: unknown): unknown {
-  if (typeof value === "string" && value.length > LONGEST) return `${value.slice(0, LONGEST)}…`;
+  if (typeof value === "string" && value.length > MAX_TEXT) return `${value.slice(0, MAX_TEXT)}…`;
   if (Array.isArray(value)) return value.map(shortened);
   if (!isRecord(value)) return value;
   return Object.fromEntries(Object.entries(value).map(([key, inner]) => [key, shortened(inner)]));

@@ -1,6 +1,6 @@
 /**
- * All events of the session: found by kind and by words, looked at one by one, taken along as a file. A page of rows is on
- * the screen at a time, so that a long session stays quick.
+ * All events of the session: filtered by kind and by words, opened one by one, exported as a file. Only one page of rows
+ * is on the screen at a time, so that a long session stays quick.
  */
 import { ChevronFirst, ChevronLast, ChevronLeft, ChevronRight, Download, Search } from "lucide-react";
 import { useEffect, useMemo, useState, useSyncExternalStore } from "react";
@@ -31,12 +31,12 @@ export function LogView({ sessionId }: { sessionId: string }) {
   const { rows, status } = useEventLog(sessionId);
   const [kinds, setKinds] = useState(ALL);
   const [words, setWords] = useState("");
-  /** The number of the first event of the page that is on the screen; null for the newest page, whichever that is. */
+  /** The number of the first event of the page on the screen; null for the newest page. */
   const [from, setFrom] = useState<number | null>(null);
-  /** Counts the pages that were turned to: each begins anew, also the newest one for whoever has scrolled up in it. */
+  /** Counts page turns. As the page's key it makes each turn begin at the start, also the turn to the same page. */
   const [turns, setTurns] = useState(0);
-  /** What looking for something gave, for those who do not see the list; what comes later is not announced. */
-  const [said, setSaid] = useState("");
+  /** The result of the last search, for screen readers; events that come later are not announced. */
+  const [announcement, setAnnouncement] = useState("");
   const nameOf = useMemo(() => (kind: Kind) => t(`logKind.${kind}`), [t]);
   const found = useMemo(() => filterRows(rows, kinds, words, nameOf), [rows, kinds, words, nameOf]);
 
@@ -44,17 +44,17 @@ export function LogView({ sessionId }: { sessionId: string }) {
     setFrom(to);
     setTurns((count) => count + 1);
   };
-  const look = (nextKinds: ReadonlySet<Filter>, nextWords: string): void => {
+  const applyFilter = (nextKinds: ReadonlySet<Filter>, nextWords: string): void => {
     setKinds(nextKinds);
     setWords(nextWords);
     turnTo(null);
     const count = filterRows(rows, nextKinds, nextWords, nameOf).length;
-    setSaid(t("log.count", { found: count, all: rows.length }));
+    setAnnouncement(t("log.count", { found: count, all: rows.length }));
   };
   const toggle = (filter: Filter): void => {
     const next = new Set(kinds);
     if (!next.delete(filter)) next.add(filter);
-    look(next, words);
+    applyFilter(next, words);
   };
 
   return (
@@ -67,7 +67,7 @@ export function LogView({ sessionId }: { sessionId: string }) {
             type="search"
             value={words}
             placeholder={t("log.search")}
-            onChange={(event) => look(kinds, event.target.value)}
+            onChange={(event) => applyFilter(kinds, event.target.value)}
           />
         </label>
         <Export sessionId={sessionId} empty={rows.length === 0} />
@@ -102,7 +102,7 @@ export function LogView({ sessionId }: { sessionId: string }) {
           {status === "behind" && ` ${t("log.behind")}`}
         </span>
         <span className="sr-only" role="status" data-testid="log-said">
-          {status === "behind" ? t("log.behind") : said}
+          {status === "behind" ? t("log.behind") : announcement}
         </span>
         <Pages rows={found} from={from} onPage={turnTo} />
       </div>
@@ -124,8 +124,8 @@ function useEventLog(sessionId: string): Snapshot {
 }
 
 /**
- * A page of rows. The newest one moves on with what comes while its end is in sight; while somebody reads further up, its
- * rows stay and new ones are put below them.
+ * A page of rows. The newest page follows the events that come while its end is visible; while somebody reads further up,
+ * its rows stay and new ones are added below them.
  */
 function LogPage(props: {
   rows: readonly Row[];
@@ -136,10 +136,15 @@ function LogPage(props: {
   const { t } = useTranslation();
   const newest = props.from === null;
   const { box, content, atEnd } = useStickToEnd(newest);
-  const [held, setHeld] = useState<number | null>(null);
-  const page = pageOf(props.rows, newest ? held : props.from, newest && held !== null ? LONGEST_PAGE : PAGE);
+  /** The first row of the newest page while somebody reads further up in it; null while the page follows. */
+  const [heldAt, setHeldAt] = useState<number | null>(null);
+  const page = pageOf(
+    props.rows,
+    newest ? heldAt : props.from,
+    newest && heldAt !== null ? LONGEST_PAGE : PAGE,
+  );
   const first = page[0]?.seq ?? null;
-  if (newest && atEnd !== (held === null)) setHeld(atEnd ? null : first);
+  if (newest && atEnd !== (heldAt === null)) setHeldAt(atEnd ? null : first);
   return (
     <div
       className="log-rows"
@@ -147,7 +152,7 @@ function LogPage(props: {
       ref={box}
       role="region"
       aria-label={t("log.title")}
-      // Scrolled with the keyboard, too.
+      // The keyboard must be able to scroll it, too.
       // eslint-disable-next-line jsx-a11y/no-noninteractive-tabindex
       tabIndex={0}
     >
@@ -177,7 +182,7 @@ function Pages({
   const last = rows.length - PAGE;
   const start = startOf(rows, from);
   const go = (to: number): void => onPage(to >= last ? null : (rows[Math.max(0, to)]?.seq ?? null));
-  const ways = [
+  const buttons = [
     { name: "oldest", Icon: ChevronFirst, to: 0, off: start === 0 },
     { name: "earlier", Icon: ChevronLeft, to: start - PAGE, off: start === 0 },
     { name: "later", Icon: ChevronRight, to: start + PAGE, off: from === null },
@@ -188,7 +193,7 @@ function Pages({
       <span className="small" data-testid="log-page">
         {t("log.page", { at: Math.ceil(start / PAGE) + 1, pages })}
       </span>
-      {ways.map(({ name, Icon, to, off }) => (
+      {buttons.map(({ name, Icon, to, off }) => (
         <button
           key={name}
           type="button"
@@ -240,6 +245,6 @@ function download(file: Blob, name: string): void {
   link.href = URL.createObjectURL(file);
   link.download = name;
   link.click();
-  // The browser has taken it over once this task is done.
+  // The browser has started the download when this task is done.
   setTimeout(() => URL.revokeObjectURL(link.href), 0);
 }

@@ -1,6 +1,6 @@
 /**
- * Where the time of the turn goes: a bar that grows while the turn runs, and the seconds in words and numbers. It stands
- * still while nobody knows whether the turn runs.
+ * What the turn spends its time on: a bar that grows while the turn runs, and the seconds in words and numbers. It stands
+ * still while telemetry is missing, because nobody knows then whether the turn runs.
  */
 import { useTranslation } from "react-i18next";
 import { agentNow } from "../../acp/connection/agent-clock";
@@ -23,19 +23,23 @@ export function TurnView() {
       {timeline === null ? (
         <p className="muted small">{t("timeline.none")}</p>
       ) : timeline.ended !== null ? (
-        <Shown timeline={timeline} now={timeline.ended} state={timeline.measured ? "measured" : "seen"} />
+        <TimelineDetails
+          timeline={timeline}
+          now={timeline.ended}
+          state={timeline.measured ? "measured" : "seen"}
+        />
       ) : silentSince !== null ? (
-        <Shown timeline={timeline} now={silentSince} state="lost" />
+        <TimelineDetails timeline={timeline} now={silentSince} state="lost" />
       ) : (
-        <Growing timeline={timeline} />
+        <RunningTimeline timeline={timeline} />
       )}
     </section>
   );
 }
 
-function Growing({ timeline }: { timeline: Timeline }) {
+function RunningTimeline({ timeline }: { timeline: Timeline }) {
   useNow(GROW_MS);
-  return <Shown timeline={timeline} now={agentNow()} state="running" />;
+  return <TimelineDetails timeline={timeline} now={agentNow()} state="running" />;
 }
 
 const CAPTIONS = {
@@ -44,25 +48,33 @@ const CAPTIONS = {
   measured: "timeline.measured",
   seen: "timeline.seen",
 } as const;
-type Shows = keyof typeof CAPTIONS;
+type TimelineState = keyof typeof CAPTIONS;
 
-function Shown({ timeline, now, state }: { timeline: Timeline; now: number; state: Shows }) {
+function TimelineDetails({
+  timeline,
+  now,
+  state,
+}: {
+  timeline: Timeline;
+  now: number;
+  state: TimelineState;
+}) {
   const { t } = useTranslation();
-  const told = timeline.measured ?? secondsAt(timeline, now);
+  const phases = timeline.measured ?? secondsAt(timeline, now);
   return (
     <>
-      <Bar timeline={timeline} now={now} told={told} />
-      <PhaseTable told={told} caption={t(CAPTIONS[state])} state={state} />
+      <Bar timeline={timeline} now={now} phases={phases} />
+      <PhaseTable phases={phases} caption={t(CAPTIONS[state])} state={state} />
     </>
   );
 }
 
-function Bar({ timeline, now, told }: { timeline: Timeline; now: number; told: Seconds }) {
+function Bar({ timeline, now, phases }: { timeline: Timeline; now: number; phases: Seconds }) {
   const { t } = useTranslation();
   const lengths = lengthsAt(timeline, now);
   const all = lengths.reduce((sum, { seconds }) => sum + seconds, 0);
-  const words = PHASES.filter((phase) => told[phase] > 0)
-    .map((phase) => `${t(`phase.${phase}`)} ${inSeconds(told[phase])}`)
+  const words = PHASES.filter((phase) => phases[phase] > 0)
+    .map((phase) => `${t(`phase.${phase}`)} ${inSeconds(phases[phase])}`)
     .join(", ");
   return (
     <div className="turn-bar" role="img" aria-label={t("timeline.bar", { phases: words })}>
@@ -82,7 +94,7 @@ function Bar({ timeline, now, told }: { timeline: Timeline; now: number; told: S
   );
 }
 
-function PhaseTable({ told, caption, state }: { told: Seconds; caption: string; state: string }) {
+function PhaseTable({ phases, caption, state }: { phases: Seconds; caption: string; state: string }) {
   const { t } = useTranslation();
   return (
     <table className="turn-table" data-testid="phases" data-state={state}>
@@ -95,21 +107,21 @@ function PhaseTable({ told, caption, state }: { told: Seconds; caption: string; 
         </tr>
       </thead>
       <tbody>
-        {PHASES.filter((phase) => told[phase] > 0).map((phase) => (
-          <tr key={phase} data-testid={`phase-${phase}`} data-seconds={told[phase]}>
+        {PHASES.filter((phase) => phases[phase] > 0).map((phase) => (
+          <tr key={phase} data-testid={`phase-${phase}`} data-seconds={phases[phase]}>
             <th scope="row">
               <span className="turn-swatch" data-phase={phase} aria-hidden="true" />
               {t(`phase.${phase}`)}
             </th>
-            <td>{t("timeline.value", { value: fixed(told[phase], 2) })}</td>
-            <td className="muted">{percent(told.total > 0 ? told[phase] / told.total : 0)}</td>
+            <td>{t("timeline.value", { value: fixed(phases[phase], 2) })}</td>
+            <td className="muted">{percent(phases.total > 0 ? phases[phase] / phases.total : 0)}</td>
           </tr>
         ))}
       </tbody>
       <tfoot>
-        <tr data-testid="phase-total" data-seconds={told.total}>
+        <tr data-testid="phase-total" data-seconds={phases.total}>
           <th scope="row">{t("phase.total")}</th>
-          <td>{t("timeline.value", { value: fixed(told.total, 2) })}</td>
+          <td>{t("timeline.value", { value: fixed(phases.total, 2) })}</td>
           <td />
         </tr>
       </tfoot>

@@ -1,4 +1,4 @@
-/** The one place at the top for what everybody has to know now: stopped, cut off, halted by itself, low battery. */
+/** The alerts at the top of the screen: stopped, connection lost, halted by itself, battery low. */
 import { BatteryWarning, ShieldAlert, X } from "lucide-react";
 import { useTranslation } from "react-i18next";
 import { useShallow } from "zustand/react/shallow";
@@ -60,7 +60,7 @@ function BatteryBand() {
       <BatteryWarning aria-hidden />
       <p>
         <strong>
-          {t("alerts.battery")} {/* Not announced with each percent: the band as a whole was. */}
+          {t("alerts.battery")} {/* A screen reader announces the band once, not each percent. */}
           <span aria-live="off">{percent(level)}.</span>
         </strong>{" "}
         {t(onlyHome ? "alerts.batteryOnlyHome" : "alerts.batterySoon", { robot })}

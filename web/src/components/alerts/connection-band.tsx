@@ -1,4 +1,4 @@
-/** What is cut off right now, and what happens next: the network, the agent, or the robot. */
+/** What is not reachable right now, the bridge, the agent or the robot, and what happens next. */
 import { CloudOff, Unplug } from "lucide-react";
 import { useTranslation } from "react-i18next";
 import { reconnectNow } from "../../acp/connection/connection";
@@ -15,13 +15,13 @@ export function ConnectionBand() {
     <section className="band band-plain" data-testid="connection-band">
       <CloudOff aria-hidden />
       <p>
-        {/* Said once, and why as soon as that is known; the attempts that follow are only to be read. */}
+        {/* A screen reader announces the loss and its reason once; the countdown is only to be read. */}
         <span role="status" aria-atomic="false">
           <strong>{t("connection.lost")}</strong> {why !== null && t(`connection.${why}`)}
         </span>{" "}
         {link.status === "waiting" ? <Countdown until={link.retryAt} /> : t("connection.now")}
       </p>
-      <TryNow />
+      <ReconnectButton />
     </section>
   );
 }
@@ -37,7 +37,7 @@ export function RobotBand() {
   );
 }
 
-/** The line looks open, and nothing comes: whatever was told last may not be so any more. */
+/** The connection is open, but no telemetry comes: what was reported last may not be true any more. */
 export function SilentBand() {
   const { t } = useTranslation();
   const robot = useStore(robotName);
@@ -45,12 +45,12 @@ export function SilentBand() {
     <section className="band band-plain" data-testid="silent-band" role="status">
       <Unplug aria-hidden />
       <p>{t("connection.silent", { robot })}</p>
-      <TryNow />
+      <ReconnectButton />
     </section>
   );
 }
 
-function TryNow() {
+function ReconnectButton() {
   const { t } = useTranslation();
   return (
     <button type="button" className="button on-plain" onClick={reconnectNow}>

@@ -1,4 +1,4 @@
-/** While the robot is stopped, for all that is known: who did it, when, and what releases it. And, loudly, when Stop did not get through. */
+/** Who stopped the robot, when, and what releases it, for as long as it is stopped; and, loudly, that Stop failed. */
 import { OctagonAlert, OctagonX, X } from "lucide-react";
 import { useState } from "react";
 import { useTranslation } from "react-i18next";

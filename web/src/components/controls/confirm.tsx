@@ -1,6 +1,6 @@
 /**
- * Asks once before something that matters. The safe answer has the focus, which goes back to where it was; after Yes to
- * what is beside it, where Yes takes it away.
+ * Asks for confirmation of an action that matters. The safe answer has the focus. Afterwards the focus goes back to where
+ * it was; where Yes removes that element, `after` names another one.
  */
 import { AlertDialog } from "radix-ui";
 import { useRef, type ReactNode } from "react";
@@ -15,7 +15,7 @@ export function Confirm(props: {
   yes: string;
   onYes: () => void;
   danger?: boolean;
-  /** What has the focus after Yes; without it what had it before. */
+  /** The element that has the focus after Yes; by default the one that had it before. */
   after?: () => HTMLElement | null;
   testId?: string;
 }) {
@@ -32,12 +32,12 @@ export function Confirm(props: {
             next.current = null;
           }}
           onCloseAutoFocus={(event) => {
-            // Only a trigger of the dialog's own would get it back by itself.
+            // Radix gives the focus back only to a trigger of the dialog's own.
             event.preventDefault();
             const before = opener.current instanceof HTMLElement ? opener.current : null;
-            const there = next.current ?? before;
-            // Somebody else may have taken it away meanwhile.
-            (there?.isConnected === true ? there : panes())?.focus();
+            const target = next.current ?? before;
+            // An update may have removed it meanwhile.
+            (target?.isConnected === true ? target : panes())?.focus();
           }}
         >
           <AlertDialog.Title>{props.title}</AlertDialog.Title>

@@ -1,12 +1,13 @@
-/** Data of a tool for people: names and values, tables of equal things; no brackets, no quotes. */
+/** A tool's data for people: names and values, and tables for lists of records; no brackets, no quotes. */
 import { useTranslation } from "react-i18next";
 import { clock } from "../../i18n/format";
 import { argumentName } from "../../i18n/agent-terms";
 import { isRecord } from "../../wire/fields";
 
-const DEEPEST = 4;
+/** Records nested deeper than this are written on one line. */
+const MAX_DEPTH = 4;
 
-/** Unix seconds of this century: no length, angle or count of a robot is as large. */
+/** Whether a number is a time in Unix seconds of this century: no length, angle or count of a robot is as large. */
 function isTime(value: number): boolean {
   return value > 1e9 && value < 4e9;
 }
@@ -30,7 +31,7 @@ function useText(): (value: unknown) => string {
   return text;
 }
 
-/** A text of a tool may be in any language; what is not one is in the page's. */
+/** The language of a tool's text is unknown; every other value is written in the page's language. */
 function languageOf(value: unknown): "" | undefined {
   return typeof value === "string" && value !== "" ? "" : undefined;
 }
@@ -45,7 +46,7 @@ function isSmall(value: unknown): boolean {
 export function DataView({ value, depth = 0 }: { value: unknown; depth?: number }) {
   const text = useText();
   if (Array.isArray(value) && value.length > 0 && value.every(isRecord)) return <DataTable rows={value} />;
-  if (isRecord(value) && depth < DEEPEST && !(depth > 0 && isSmall(value))) {
+  if (isRecord(value) && depth < MAX_DEPTH && !(depth > 0 && isSmall(value))) {
     return (
       <dl className="data">
         {Object.entries(value).map(([key, inner]) => (

@@ -1,4 +1,4 @@
-/** All below the line at the top and its alerts: what takes the focus when an alert that had it goes. */
+/** Everything below the header and the alerts: it takes the focus when an alert that had it disappears. */
 
 export const PANES_ID = "panes";
 

@@ -1,4 +1,4 @@
-/** Taking the robot over from somebody: never without saying what ends by it, and what the robot does then. */
+/** Takes control of the robot from somebody, after a confirmation that says what ends and what the robot does then. */
 import { useState, type ReactNode } from "react";
 import { useTranslation } from "react-i18next";
 import { takeOverConsequences } from "../../state/people";
@@ -7,8 +7,8 @@ import { Confirm } from "./confirm";
 import { takeOver } from "../../acp/sessions/take-over";
 
 /**
- * `ask` opens the confirmation, which is to be shown as `dialog`. `next` is the session that is to have the robot, if
- * one waits for it. A confirmation counts for the turn that it was opened for, and goes when that has ended.
+ * `ask` opens the confirmation; the caller renders `dialog`. `next` is the session that controls the robot afterwards, if
+ * one waits for it. A confirmation is about the turn for which it was opened, and closes when that turn ends.
  */
 export function useTakeOver(next: string | null): { ask: () => void; dialog: ReactNode } {
   const { t } = useTranslation();
@@ -16,20 +16,21 @@ export function useTakeOver(next: string | null): { ask: () => void; dialog: Rea
   const robot = useStore(robotName);
   const turn = useStore((state) => state.telemetry?.turn ?? null);
   const driving = useStore((state) => Boolean(state.telemetry?.motion));
-  const [meant, setMeant] = useState<string | null>(null);
-  const open = turn !== null && turn.sessionId === meant;
-  // Else it would open by itself when that session has the robot again.
-  if (meant !== null && !open) setMeant(null);
-  const told = turn && takeOverConsequences(turn, driving, me.name, next);
-  const words = told && [
-    t(`people.${told.ends}`, { name: told.holder }),
-    t(`people.${told.then}`, { robot, name: told.next ?? "" }),
+  /** The session whose turn the open confirmation would end. */
+  const [targetId, setTargetId] = useState<string | null>(null);
+  const open = turn !== null && turn.sessionId === targetId;
+  // Otherwise it would open by itself when that session controls the robot again.
+  if (targetId !== null && !open) setTargetId(null);
+  const outcome = turn && takeOverConsequences(turn, driving, me.name, next);
+  const words = outcome && [
+    t(`people.${outcome.ends}`, { name: outcome.holder }),
+    t(`people.${outcome.then}`, { robot, name: outcome.next ?? "" }),
   ];
   const dialog = (
     <Confirm
       open={open}
       onOpenChange={(stays) => {
-        if (!stays) setMeant(null);
+        if (!stays) setTargetId(null);
       }}
       title={t("people.takeOverTitle", { robot })}
       text={words?.join(" ") ?? ""}
@@ -37,9 +38,9 @@ export function useTakeOver(next: string | null): { ask: () => void; dialog: Rea
       yes={t("people.takeOver")}
       testId="take-over-confirm"
       onYes={() => {
-        if (meant !== null) void takeOver(next, meant);
+        if (targetId !== null) void takeOver(next, targetId);
       }}
     />
   );
-  return { ask: () => setMeant(turn?.sessionId ?? null), dialog };
+  return { ask: () => setTargetId(turn?.sessionId ?? null), dialog };
 }

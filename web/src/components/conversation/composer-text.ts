@@ -1,13 +1,13 @@
-/** The text that is being written: kept apart from the field, so that nothing that happens to the field loses it. */
+/** The text that is being written: outside the field, so that the text survives when the field is rendered anew. */
 import { create } from "zustand";
 import { useStore } from "../../state/store";
 
 export const useComposerText = create<{ text: string }>(() => ({ text: "" }));
 
-/** Who writes it; kept while nobody is logged in, for they may come back. */
+/** Who wrote the text. Stays the same while nobody is logged in: the same person may come back. */
 let author: string | null = null;
 
-// Nobody finds the half-written order of somebody else.
+// Another person than the author begins with an empty field.
 useStore.subscribe(({ auth }) => {
   if (auth.status !== "in" || auth.me.name === author) return;
   author = auth.me.name;
@@ -16,7 +16,7 @@ useStore.subscribe(({ auth }) => {
 
 export const COMPOSER_ID = "composer";
 
-/** Puts a suggestion into the field and the person into the field; sending stays a decision of its own. */
+/** Puts a suggestion into the field and the focus on it. Nothing is sent. */
 export function setComposerText(text: string): void {
   useComposerText.setState({ text });
   document.getElementById(COMPOSER_ID)?.focus();

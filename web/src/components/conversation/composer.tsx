@@ -1,4 +1,4 @@
-/** The field to write in. Enter sends a message; it never answers a question, and Escape does nothing. */
+/** The field to write in. Enter sends the message and never answers a question; Escape does nothing. */
 import { CircleStop, SendHorizontal } from "lucide-react";
 import { useLayoutEffect, useRef, type KeyboardEvent } from "react";
 import { useTranslation } from "react-i18next";
@@ -16,7 +16,7 @@ export function Composer() {
   const reason = usePromptObstacle();
   const online = useStore((state) => state.link.status === "online");
   const field = useRef<HTMLTextAreaElement>(null);
-  // As high as its text, up to what the style sheet allows.
+  // As high as its text, up to the style sheet's limit.
   useLayoutEffect(() => {
     const area = field.current;
     if (area === null) return;

@@ -1,4 +1,4 @@
-/** What was said and done in the session, oldest first. */
+/** The conversation on the screen, oldest item first. */
 import { ArrowDown } from "lucide-react";
 import { memo, useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
@@ -20,15 +20,15 @@ export function ConversationLog() {
   const { box, content, atEnd, toEnd } = useStickToEnd();
   const [seen, setSeen] = useState(made);
   const last = items.at(-1);
-  const awaits = last?.kind === "tool" && last.waiting === "robot";
-  const heard = useStore((state) => state.silentSince === null);
+  const waitsForRobot = last?.kind === "tool" && last.waiting === "robot";
+  const hasTelemetry = useStore((state) => state.silentSince === null);
   const asked = useStore((state) => state.questions.some(({ sessionId }) => sessionId === state.currentId));
 
-  // What the reader sends is what the reader wants to see.
-  const mine = last?.kind === "user" ? last.key : null;
+  // Whoever sends a message wants to see it.
+  const ownMessage = last?.kind === "user" ? last.key : null;
   useEffect(() => {
-    if (mine !== null) toEnd();
-  }, [mine, toEnd]);
+    if (ownMessage !== null) toEnd();
+  }, [ownMessage, toEnd]);
   if (atEnd && seen !== made) setSeen(made);
 
   return (
@@ -42,7 +42,7 @@ export function ConversationLog() {
         aria-live="polite"
         aria-relevant="additions"
         aria-busy={opening}
-        // Scrolled with the keyboard, too.
+        // The keyboard must be able to scroll it, too.
         // eslint-disable-next-line jsx-a11y/no-noninteractive-tabindex
         tabIndex={0}
         ref={box}
@@ -53,7 +53,7 @@ export function ConversationLog() {
           {items.map((item) => (
             <ItemView key={item.key} item={item} />
           ))}
-          {turn !== null && last?.kind !== "agent" && !asked && !awaits && heard && (
+          {turn !== null && last?.kind !== "agent" && !asked && !waitsForRobot && hasTelemetry && (
             <p className="working" aria-hidden="true">
               <span className="working-dots" />
               {t("talk.working", { robot })}

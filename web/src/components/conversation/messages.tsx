@@ -1,4 +1,4 @@
-/** What people and the agent say, and what the agent thinks. */
+/** Messages of people and of the agent, the agent's thoughts, and notes about the end of a turn. */
 import { Ban, ChevronRight, Hand, Info, Lightbulb, TriangleAlert } from "lucide-react";
 import { Collapsible } from "radix-ui";
 import { lazy, Suspense, useState } from "react";
@@ -12,7 +12,7 @@ import { Picture } from "./picture";
 
 const Markdown = lazy(() => import("../shared/markdown"));
 
-/** Markdown is loaded apart from the page; until then the text is there as it was written. */
+/** Markdown is loaded in a chunk of its own; until then the text is shown unformatted. */
 function Formatted({ text }: { text: string }) {
   return (
     <Suspense
@@ -29,10 +29,10 @@ function Formatted({ text }: { text: string }) {
 
 export function UserMessage({ item }: { item: UserItem }) {
   const me = useMe();
-  const others = item.author !== null && item.author !== me.name;
+  const byOther = item.author !== null && item.author !== me.name;
   return (
-    <article className="user-message" data-testid="user-message" data-other={others}>
-      {others && <p className="author">{item.author}</p>}
+    <article className="user-message" data-testid="user-message" data-other={byOther}>
+      {byOther && <p className="author">{item.author}</p>}
       {item.blocks.map((block, index) => (
         <Block key={index} block={block} title={item.author ?? ""} />
       ))}

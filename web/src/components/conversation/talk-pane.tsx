@@ -1,4 +1,4 @@
-/** The conversation with what belongs to it: the pending question above the field to write in. */
+/** The conversation, and below it the pending question and the field to write in. */
 import { useTranslation } from "react-i18next";
 import { useStore } from "../../state/store";
 import { Composer } from "./composer";

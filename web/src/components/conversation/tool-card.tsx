@@ -1,4 +1,4 @@
-/** One thing that the robot does: what, how far it is, what came of it, and who decided. */
+/** One tool call: what it does, its progress, its result, and who allowed it. */
 import {
   Ban,
   ChevronDown,
@@ -23,7 +23,7 @@ import { outcomeOf, summaryOf, type Outcome } from "../../state/conversation/too
 import { DataView } from "../controls/data-view";
 import { Sound } from "../shared/sound-player";
 import { SentenceWithQuote } from "../shared/sentence-with-quote";
-import { RobotAwaited } from "./waiting-for-robot";
+import { WaitingForRobot } from "./waiting-for-robot";
 import { isRecord } from "../../wire/fields";
 import { Picture } from "./picture";
 
@@ -45,8 +45,8 @@ export function ToolCard({ item }: { item: ToolItem }) {
     ),
   );
   const outcome = outcomeOf(item, asking || item.waiting === "permission");
-  const heard = useStore((state) => state.silentSince === null);
-  const lost = outcome === "in_progress" && !heard;
+  const hasTelemetry = useStore((state) => state.silentSince === null);
+  const lost = outcome === "in_progress" && !hasTelemetry;
   const summary = summaryOf(item, outcome);
   const title = callText(item);
   const Icon = lost ? CircleQuestionMark : ICONS[outcome];
@@ -76,9 +76,9 @@ export function ToolCard({ item }: { item: ToolItem }) {
             </Collapsible.Trigger>
           )}
         </div>
-        {/* How far it was when it was last heard of says nothing of now. */}
-        {item.progress !== null && item.status === "in_progress" && heard && <Progress item={item} />}
-        {item.waiting === "robot" && <RobotAwaited />}
+        {/* Without telemetry the last progress says nothing about now. */}
+        {item.progress !== null && item.status === "in_progress" && hasTelemetry && <Progress item={item} />}
+        {item.waiting === "robot" && <WaitingForRobot />}
         {summary.text !== "" && (
           <p className="tool-summary" lang={summary.lang}>
             {summary.text}
@@ -119,7 +119,7 @@ function Progress({ item }: { item: ToolItem }) {
   );
 }
 
-/** What is left: in numbers from telemetry where it is the robot's own motion, else in the words of the tool. */
+/** What is left to do: in numbers from telemetry for the robot's own motion, else in the tool's words. */
 function useLeft(item: ToolItem): string {
   const { t } = useTranslation();
   const motion = useStore((state) => state.telemetry?.motion ?? null);

@@ -1,11 +1,11 @@
-/** A step that cannot begin because somebody else has the robot: who, and the way out for a supervisor. */
+/** A step that waits because somebody else controls the robot: who that is, and a button to take over for supervisors. */
 import { Hourglass } from "lucide-react";
 import { useTranslation } from "react-i18next";
 import { canTakeOver } from "../../state/rights";
 import { robotName, useMe, useStore } from "../../state/store";
 import { useTakeOver } from "../controls/use-take-over";
 
-export function RobotAwaited() {
+export function WaitingForRobot() {
   const { t } = useTranslation();
   const me = useMe();
   const robot = useStore(robotName);

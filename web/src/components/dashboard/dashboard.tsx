@@ -1,4 +1,4 @@
-/** The supervisor's screen: what stands where on a wide window, a tablet and a phone. */
+/** The dashboard: the arrangement of its parts on a wide window, a tablet and a phone. */
 import { useCallback, useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { startDashboard } from "../../acp/screens/dashboard";
@@ -61,7 +61,7 @@ export default function Dashboard() {
   );
 }
 
-/** A question has to be seen even while another tab of the browser is in front. */
+/** The title of the browser's tab: it shows a question also while another tab is in front. */
 function useDocumentTitle(): void {
   const { t } = useTranslation();
   const robot = useStore(robotName);

@@ -1,4 +1,4 @@
-/** Short notices that go by themselves. What needs an answer is never one of them. */
+/** Short notices that disappear by themselves. Nothing that needs an answer is a toast. */
 import { X } from "lucide-react";
 import { Toast } from "radix-ui";
 import { useTranslation } from "react-i18next";
@@ -7,7 +7,7 @@ import { setState, useStore } from "../../state/store";
 export function Toasts() {
   const { t } = useTranslation();
   const toasts = useStore((state) => state.toasts);
-  const drop = (id: number): void => {
+  const dismiss = (id: number): void => {
     setState((state) => ({ toasts: state.toasts.filter((toast) => toast.id !== id) }));
   };
   return (
@@ -18,7 +18,7 @@ export function Toasts() {
           className="toast"
           data-tone={toast.tone}
           onOpenChange={(open) => {
-            if (!open) drop(toast.id);
+            if (!open) dismiss(toast.id);
           }}
         >
           <Toast.Description lang={toast.lang}>{toast.text}</Toast.Description>

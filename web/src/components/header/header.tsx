@@ -1,4 +1,4 @@
-/** The line at the top: the robot's state first, then what can be set, and Stop, always. */
+/** The header: the robot's state first, then the settings, and always Stop. */
 import {
   BatteryCharging,
   BatteryFull,
@@ -75,15 +75,15 @@ export function Header({
 function RobotState() {
   const { t } = useTranslation();
   const name = useStore(robotName);
-  const kind = useRobotState();
+  const state = useRobotState();
   const words =
-    kind.kind === "driving" && kind.place !== null
-      ? t("state.drivingTo", { place: kind.place })
-      : t(`state.${kind.kind}`);
+    state.kind === "driving" && state.place !== null
+      ? t("state.drivingTo", { place: state.place })
+      : t(`state.${state.kind}`);
   return (
     <h1 className="robot">
       <span className="robot-name">{name}</span>
-      <span className="robot-state" data-testid="robot-state" data-state={kind.kind} role="status">
+      <span className="robot-state" data-testid="robot-state" data-state={state.kind} role="status">
         <span className="robot-dot" aria-hidden="true" />
         <span className="robot-words" title={words}>
           {words}
@@ -161,7 +161,7 @@ function BatteryIcon({ level, charging }: { level: number | null; charging: bool
   return level > LOW_BATTERY ? <BatteryMedium aria-hidden /> : <BatteryLow aria-hidden />;
 }
 
-/** The pending question in short; it leads to the question itself. */
+/** The pending question in short; a click goes to the question itself. */
 function QuestionChip({ onClick }: { onClick: () => void }) {
   const { t } = useTranslation();
   const name = useStore(robotName);
@@ -224,7 +224,7 @@ function MeMenu() {
   );
 }
 
-/** Mode, model and login on smaller screens, where the line at the top has no room for them. */
+/** Mode, model and login on smaller screens, where the header has no room for them. */
 function SettingsDialog() {
   const { t, i18n } = useTranslation();
   const me = useMe();

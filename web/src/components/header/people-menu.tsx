@@ -1,4 +1,4 @@
-/** Who is here and who has the robot: a chip in the line at the top, and what opens from it. */
+/** Who is connected and who controls the robot: a chip in the header, and the menu that it opens. */
 import { Bot, Eye, Hand, Headset, ShieldUser, UserRound, Users } from "lucide-react";
 import { Popover } from "radix-ui";
 import { useRef, useState } from "react";
@@ -10,17 +10,18 @@ import { SentenceWithQuote } from "../shared/sentence-with-quote";
 import { useTakeOver } from "../controls/use-take-over";
 import type { Role } from "../../wire/bridge";
 
-/** The chip. Those whom nobody tells who is here see who has the robot, and nothing to open. */
+/** The chip. For those to whom the agent does not report who is connected, it shows only who controls the robot, without a menu. */
 export function PeopleMenu() {
   const { t } = useTranslation();
-  // Who was here before the silence may have left.
+  // Without telemetry the list is old: people may have left.
   const people = useStore((state) => (state.silentSince === null ? state.people : null));
   const me = useMe();
   const turn = useStore((state) => state.telemetry?.turn ?? null);
   const [open, setOpen] = useState(false);
+  /** Whether the menu closes because somebody wants to take over. */
   const taking = useRef(false);
   const { ask, dialog } = useTakeOver(waitingSession(turn?.waiting, me.name));
-  // Else it would open by itself when the connection is back.
+  // Otherwise the menu would open by itself when the connection is back.
   if (people === null && open) setOpen(false);
   if (people === null) return <Holder />;
   return (
@@ -45,12 +46,12 @@ export function PeopleMenu() {
             aria-labelledby="people-title"
             data-testid="people-menu"
             onOpenAutoFocus={(event) => {
-              // Nobody takes the robot over with the key that opened this.
+              // The focus is not on a button: the key that opened the menu must not take the robot over.
               event.preventDefault();
               (event.currentTarget as HTMLElement).focus();
             }}
             onCloseAutoFocus={() => {
-              // Only now, so that the focus comes back to the chip after the confirmation.
+              // Only now: the focus is on the chip again, and comes back to it after the confirmation.
               if (taking.current) ask();
               taking.current = false;
             }}
@@ -95,7 +96,7 @@ function Holder() {
   );
 }
 
-/** Who has the robot, and for a supervisor the way to have it. */
+/** Who controls the robot, and for supervisors the button to take over. */
 function Control({ onTakeOver }: { onTakeOver: () => void }) {
   const { t } = useTranslation();
   const me = useMe();
@@ -158,7 +159,7 @@ function Row({ person }: { person: ListedPerson }) {
   );
 }
 
-/** The session that they opened last, by its name where this page knows it. */
+/** The session that the person opened last, by its title where this page knows it. */
 function Watching({ sessions }: { sessions: string[] }) {
   const { t } = useTranslation();
   const first = sessions[0];

@@ -33,7 +33,7 @@ function SettingSelect(props: { testId: string; label: string; setting: Setting;
   const { label, setting, disabled } = props;
   const me = useMe();
   const current = setting.choices.find(({ value }) => value === setting.current)?.name ?? setting.current;
-  // Not modal: a modal one hides the page from screen readers with the button in it that has the name.
+  // Not modal: a modal menu hides the rest of the page from screen readers, also the button that names the menu.
   return (
     <DropdownMenu.Root modal={false}>
       <DropdownMenu.Trigger

@@ -1,6 +1,6 @@
 /**
- * The pending question, pinned above the field to write in. Allowing takes an act of will: the focus is on "Don't",
- * Allow is dead for the first moment, also that in which the window comes to the front, and neither a key nor a click
+ * The pending question, above the field to write in. Allowing takes a deliberate act: the focus is on "Don't", Allow is
+ * disabled for the first moment and ignored for a moment after the window came to the front, and neither a key nor a click
  * that was meant for something else reaches it.
  */
 import { BellRing, Route, ShieldQuestion, Volume2, VolumeX } from "lucide-react";
@@ -21,10 +21,11 @@ import { SentenceWithQuote } from "../shared/sentence-with-quote";
 import { CheckboxField } from "../controls/checkbox-field";
 import { COMPOSER_ID, useComposerText } from "../conversation/composer-text";
 
-const DEAD_MS = 400;
+/** For so long after the question appears, or the window comes to the front, Allow does nothing. */
+const GUARD_MS = 400;
 const DONT_ID = "question-dont";
 
-/** Brings the pending question to the eye and the keyboard. */
+/** Scrolls to the pending question and focuses its safe answer. */
 export function focusQuestion(): void {
   const button = document.getElementById(DONT_ID);
   button?.scrollIntoView({ block: "nearest" });
@@ -68,7 +69,8 @@ export function QuestionCard({ question, count }: { question: Question; count: n
   const { t } = useTranslation();
   const robot = useStore(robotName);
   const me = useMe();
-  const [alive, setAlive] = useState(false);
+  const [armed, setArmed] = useState(false);
+  /** Whether the answer is to count for the whole session. */
   const [every, setEvery] = useState(false);
   const inFrontSince = useInFrontSince();
   const title = callText(question);
@@ -78,8 +80,8 @@ export function QuestionCard({ question, count }: { question: Question; count: n
   const chosen = pick(question.options, every);
 
   useEffect(() => {
-    const timer = setTimeout(() => setAlive(true), DEAD_MS);
-    // Somebody in the middle of a sentence keeps the keyboard: the next letter must not land on a button.
+    const timer = setTimeout(() => setArmed(true), GUARD_MS);
+    // Somebody who is writing keeps the focus: the next key must not press a button.
     const at = document.activeElement;
     const writing =
       at?.id === COMPOSER_ID
@@ -95,14 +97,14 @@ export function QuestionCard({ question, count }: { question: Question; count: n
     });
     document.getElementById(COMPOSER_ID)?.focus();
   };
-  const isTooSoon = (): boolean => performance.now() - inFrontSince.current < DEAD_MS;
+  const isTooSoon = (): boolean => performance.now() - inFrontSince.current < GUARD_MS;
   const allow = (event: MouseEvent): void => {
-    // The second click of two may have been meant for the question before this one.
+    // The second click of a double click may have been meant for the question before this one.
     if (event.detail > 1 || isTooSoon()) return;
     answer(chosen.allow);
   };
   const refuse = (event: MouseEvent): void => {
-    // A click that a key made within the first moment was meant for what had the focus before.
+    // A click by key within the first moment was meant for the element that had the focus before.
     if (event.detail === 0 && isTooSoon()) return;
     answer(chosen.reject);
   };
@@ -121,9 +123,9 @@ export function QuestionCard({ question, count }: { question: Question; count: n
         <h2 id={ids.title}>{t("question.asks", { robot })}</h2>
         <QuestionPlace question={question} />
         {count > 1 && <span className="muted">{t("question.of", { at: 1, all: count })}</span>}
-        <CallButtons />
+        <AttentionButtons />
       </div>
-      {/* A long text scrolls; whoever has only a keyboard must be able to read it to its end. */}
+      {/* A long text scrolls, and the keyboard must be able to scroll it. */}
       {/* eslint-disable-next-line jsx-a11y/no-noninteractive-tabindex */}
       <p className="question-text" id={ids.text} tabIndex={0}>
         {title === "" ? (
@@ -133,7 +135,7 @@ export function QuestionCard({ question, count }: { question: Question; count: n
         )}
       </p>
       <div id={ids.what}>
-        <What question={question} />
+        <QuestionDetails question={question} />
       </div>
       <p className="question-meta muted">
         {question.asker !== null && (
@@ -180,7 +182,7 @@ export function QuestionCard({ question, count }: { question: Question; count: n
             type="button"
             className="button primary"
             data-testid="permission-allow"
-            disabled={!alive || chosen.allow === undefined}
+            disabled={!armed || chosen.allow === undefined}
             onClick={allow}
           >
             {t(every ? "question.allowEvery" : "question.allow")}
@@ -191,8 +193,8 @@ export function QuestionCard({ question, count }: { question: Question; count: n
   );
 }
 
-/** What the title does not say: how far it is and where the way is drawn, and every other argument of the call. */
-function What({ question }: { question: Question }) {
+/** What the title does not say: the length of the path, that the map shows it, and the other arguments of the call. */
+function QuestionDetails({ question }: { question: Question }) {
   const { t } = useTranslation();
   const { preview } = question;
   const rest = remainingArguments(question);
@@ -217,8 +219,8 @@ function What({ question }: { question: Question }) {
   );
 }
 
-/** How this browser calls for the next question, where somebody notices that it did or did not. */
-function CallButtons() {
+/** The settings for sound and notification, in the place where somebody notices that they are wrong. */
+function AttentionButtons() {
   const { t } = useTranslation();
   const sound = useAttentionSettings((settings) => settings.sound);
   const permission = useNotificationPermission((state) => state.permission);
@@ -244,7 +246,7 @@ function CallButtons() {
   );
 }
 
-/** Said only when the question is not of the session on the screen. */
+/** The session of the question, unless it is the one on the screen. */
 function QuestionPlace({ question }: { question: Question }) {
   const { t } = useTranslation();
   const here = useStore((state) => state.currentId === question.sessionId);

@@ -1,4 +1,4 @@
-/** How questions call for a person in this browser, and which answers are remembered in this session. */
+/** The settings for sound and notification of questions, and the answers that are remembered in this session. */
 import { BellOff, BellRing, CircleCheck, CircleX } from "lucide-react";
 import { Popover } from "radix-ui";
 import { useEffect } from "react";
@@ -13,7 +13,7 @@ import { SentenceWithQuote } from "../shared/sentence-with-quote";
 import { CheckboxField } from "../controls/checkbox-field";
 import { loadAbilities } from "../../acp/sessions/abilities";
 
-/** Behind a button where the line at the top has no room for it. */
+/** In the wide header, behind a button; else a part of the settings dialog. */
 export function QuestionSettings() {
   const { t } = useTranslation();
   const me = useMe();
@@ -126,17 +126,17 @@ function Remembered() {
   );
 }
 
-/** What the robot's tools do in words, asked for when somebody looks. */
+/** The titles of the robot's tools, loaded when the list is opened. */
 function useTitles(): Record<string, string> {
   const abilities = useStore((state) => state.abilities);
   useEffect(() => {
-    // When nobody can tell, the names have to do.
+    // Without an answer the tools' names are shown.
     if (abilities === null) void loadAbilities();
   }, [abilities]);
   return abilities?.titles ?? {};
 }
 
-/** The name of a tool as people read it; that of a server of somebody else stands before it. */
+/** A tool's name as people read it, after the name of its server if it is not the robot's. */
 function words(tool: string): string {
   const [name = "", ...servers] = tool.split("__").reverse();
   const plain = name.replaceAll("_", " ");

@@ -1,4 +1,4 @@
-/** What the robot sees, in a corner of the map or over all of it. An old picture never passes for a new one. */
+/** The camera's picture, in a corner of the map or over all of it. An old picture never passes for a new one. */
 import { Maximize2, Minimize2, VideoOff, X } from "lucide-react";
 import type { KeyboardEvent } from "react";
 import { useTranslation } from "react-i18next";
@@ -19,7 +19,7 @@ export function CameraView({ shown, large, onLarge, onClose }: CameraViewProps) 
   const robot = useStore(robotName);
   const away = useStore((state) => state.telemetry?.online === false);
   const visible = usePageVisible();
-  const { state, url, settled } = useCamera(shown && visible);
+  const { state, url, onDecoded } = useCamera(shown && visible);
   const Size = large ? Minimize2 : Maximize2;
   const onKeyDown = (event: KeyboardEvent): void => {
     if (event.key === "Escape" && large) onLarge(false);
@@ -57,8 +57,8 @@ export function CameraView({ shown, large, onLarge, onClose }: CameraViewProps) 
             src={url}
             alt={t("camera.picture", { robot })}
             data-testid="camera-picture"
-            onLoad={settled}
-            onError={settled}
+            onLoad={onDecoded}
+            onError={onDecoded}
           />
         ) : (
           <p className="camera-none" role="status">

@@ -12,7 +12,7 @@ vi.mock("../../acp/sessions/sessions", () => ({
   getAgent: () => null,
 }));
 
-const onOver = vi.fn();
+const onDone = vi.fn();
 const onDestination = vi.fn();
 
 function show(destination: Destination | null, state: Partial<State> = {}): void {
@@ -26,7 +26,7 @@ function show(destination: Destination | null, state: Partial<State> = {}): void
     abilities: { places: ["lab 10", "lab 2"].map((name) => ({ name, type: null })), tools: [], titles: {} },
     ...state,
   });
-  render(<GoHere destination={destination} refused={null} onDestination={onDestination} onOver={onOver} />);
+  render(<GoHere destination={destination} refused={null} onDestination={onDestination} onDone={onDone} />);
 }
 
 const go = (): HTMLButtonElement => screen.getByTestId("go-here-go");
@@ -62,7 +62,7 @@ it.each([
   expect(list().selectedOptions[0]?.textContent).toBe(shown);
   fireEvent.click(go());
   expect(sessions.prompt).toHaveBeenCalledExactlyOnceWith(prompt, "Ana");
-  expect(onOver).toHaveBeenCalledExactlyOnceWith(shown);
+  expect(onDone).toHaveBeenCalledExactlyOnceWith(shown);
 });
 
 it("waits while a turn runs, and says so", () => {
@@ -82,6 +82,6 @@ it("says that there is no session", () => {
 it("is given up with Escape", () => {
   show({ place: "lab 2" });
   fireEvent.keyDown(list(), { key: "Escape" });
-  expect(onOver).toHaveBeenCalledExactlyOnceWith(null);
+  expect(onDone).toHaveBeenCalledExactlyOnceWith(null);
   expect(sessions.prompt).not.toHaveBeenCalled();
 });

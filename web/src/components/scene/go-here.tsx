@@ -1,6 +1,6 @@
 /**
- * Where shall it go? A place or a point picked on the map, or a place of the list, and a Go that sends an ordinary prompt
- * in the session on the screen. There is no other way from the map to the robot.
+ * "Go here": a place or a point picked on the map, or a place of the list, and a button that sends an ordinary prompt in
+ * the session on the screen. There is no other way from the map to the robot.
  */
 import { useEffect, useId, useRef, type KeyboardEvent, type ReactNode } from "react";
 import { useTranslation } from "react-i18next";
@@ -13,14 +13,14 @@ import { loadAbilities } from "../../acp/sessions/abilities";
 
 export interface GoHereProps {
   destination: Destination | null;
-  /** Why the map gives no picks; null when it does. */
+  /** Why nothing can be picked on the map; null when it can. */
   refused: ReactNode;
   onDestination: (destination: Destination | null) => void;
-  /** It was sent, and this is what was asked; or nothing was, and it is over. */
-  onOver: (asked: string | null) => void;
+  /** The form is done: `sent` is the text of what was asked, or null when nothing was sent. */
+  onDone: (sent: string | null) => void;
 }
 
-export function GoHere({ destination, refused, onDestination, onOver }: GoHereProps) {
+export function GoHere({ destination, refused, onDestination, onDone }: GoHereProps) {
   const { t } = useTranslation();
   const me = useMe();
   const robot = useStore(robotName);
@@ -30,13 +30,13 @@ export function GoHere({ destination, refused, onDestination, onOver }: GoHerePr
   const send = (): void => {
     if (destination === null || obstacle !== null) return;
     void prompt(promptFor(destination), me.name);
-    onOver(words(destination));
+    onDone(words(destination));
   };
   const onKeyDown = (event: KeyboardEvent): void => {
-    if (event.key === "Escape") onOver(null);
+    if (event.key === "Escape") onDone(null);
   };
   return (
-    // Escape is Cancel.
+    // Escape does what Cancel does.
     // eslint-disable-next-line jsx-a11y/no-noninteractive-element-interactions
     <form
       className="scene-tools go-here"
@@ -49,7 +49,7 @@ export function GoHere({ destination, refused, onDestination, onOver }: GoHerePr
       }}
     >
       <PlaceList destination={destination} onDestination={onDestination} describedBy={problemId} />
-      <button type="button" className="button" data-testid="go-here-cancel" onClick={() => onOver(null)}>
+      <button type="button" className="button" data-testid="go-here-cancel" onClick={() => onDone(null)}>
         {t("goHere.cancel")}
       </button>
       <button
@@ -60,7 +60,7 @@ export function GoHere({ destination, refused, onDestination, onOver }: GoHerePr
       >
         {t("goHere.go")}
       </button>
-      {/* What is picked on the map is read out here. */}
+      {/* Screen readers announce here what is picked on the map. */}
       <p className="sr-only" role="status">
         {destination === null ? "" : words(destination)}
       </p>
@@ -81,14 +81,14 @@ function useWords(): Words {
       : t("goHere.toPoint", { x: fixed(destination.x, 1), y: fixed(destination.y, 1) });
 }
 
-/** No place has this name. */
+/** The value of the option for a picked point; no place has this name. */
 const PICKED = "\n";
 
 interface PlaceListProps extends Pick<GoHereProps, "destination" | "onDestination"> {
   describedBy: string;
 }
 
-/** What was picked, and every place there is, for those who do not point. */
+/** The destination that was picked, and every place, for those who cannot point. */
 function PlaceList({ destination, onDestination, describedBy }: PlaceListProps) {
   const { t, i18n } = useTranslation();
   const words = useWords();

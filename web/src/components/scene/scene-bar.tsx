@@ -1,4 +1,4 @@
-/** The buttons over the map: where its camera stands, where the robot is sent, and what the robot sees. */
+/** The buttons over the map: its views, "Go here", and the robot's camera. */
 import { Camera, LocateFixed, Map, MapPin, ScanEye } from "lucide-react";
 import { useId, type Ref } from "react";
 import { useTranslation } from "react-i18next";
@@ -36,7 +36,7 @@ export function SceneBar(props: SceneBarProps) {
               className="scene-tool"
               data-testid={`view-${view}`}
               aria-pressed={shown === view}
-              // Not `disabled`: a map that is lost shall not take the keyboard with it.
+              // Not `disabled`: when the map is lost, the focus must stay on the button.
               aria-disabled={away}
               aria-describedby={reasonId}
               onClick={() => {

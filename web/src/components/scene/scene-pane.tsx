@@ -1,4 +1,4 @@
-/** The live map, and in words what it shows. */
+/** The live map, and below it the robot's state in words and numbers. */
 import { useState } from "react";
 import { useTranslation } from "react-i18next";
 import { degrees, fixed, metres, percent, wholeSeconds, speed } from "../../i18n/format";
@@ -7,7 +7,7 @@ import { robotName, useStore } from "../../state/store";
 import { SentenceWithQuote } from "../shared/sentence-with-quote";
 import { SceneView } from "./scene-view";
 
-/** `lazy`: the map costs power and data, so a phone loads it when it is looked at first, and keeps it then. */
+/** `lazy`: the map costs power and data, so a phone loads it when its pane is first opened, and keeps it then. */
 export function ScenePane({ hidden, lazy }: { hidden: boolean; lazy: boolean }) {
   const { t } = useTranslation();
   const [wanted, setWanted] = useState(!lazy);
@@ -31,7 +31,7 @@ function StatusList() {
   return (
     <dl className="status-list">
       <Row name={t("scene.doing")} wide twice>
-        <Doing />
+        <ActivityText />
       </Row>
       <Row name={t("scene.goal")} wide>
         {motion === null || motion.kind === "rotate" ? (
@@ -67,7 +67,7 @@ function StatusList() {
   );
 }
 
-/** `twice`: the line at the top and the plots tell it, too. */
+/** `twice`: the header or the plots show the same value. */
 function Row(props: { name: string; wide?: boolean; twice?: boolean; children: React.ReactNode }) {
   const { name, wide, twice, children } = props;
   return (
@@ -78,7 +78,7 @@ function Row(props: { name: string; wide?: boolean; twice?: boolean; children: R
   );
 }
 
-function Doing() {
+function ActivityText() {
   const { t } = useTranslation();
   const state = useRobotState();
   const speaking = useStore((all) => all.telemetry?.speaking ?? null);

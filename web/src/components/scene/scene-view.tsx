@@ -8,11 +8,11 @@ import { destinationOf, type Destination } from "../../scene/destination";
 import { toast } from "../../state/store";
 import { CameraView } from "./camera-view";
 import { GoHere } from "./go-here";
-import { Scene } from "../shared/scene-frame";
+import { SceneFrame } from "../shared/scene-frame";
 import { SceneBar } from "./scene-bar";
 import type { PickedPoint } from "../../wire/scene";
 
-/** `alone`: nothing else is on the screen, as on a phone. */
+/** `alone`: the conversation is not on the screen, as on a phone. */
 export function SceneView({ shown, alone }: { shown: boolean; alone: boolean }) {
   const { t } = useTranslation();
   const [camera, setCamera] = useState(() => storedCameraChoice() ?? !alone);
@@ -26,7 +26,7 @@ export function SceneView({ shown, alone }: { shown: boolean; alone: boolean }) 
   const onPicked = useCallback((picked: PickedPoint) => setDestination(destinationOf(picked)), []);
   const { view, show, pick } = useSceneLink(onPicked, setRefused);
 
-  /** The keyboard goes on in the bar when what had it has left the screen. */
+  /** Moves the focus into the bar when the element that had it has been removed. */
   const focusBar = (wanted: HTMLButtonElement | null): void => {
     const first = bar.current?.querySelector<HTMLElement>("button:enabled, select:enabled");
     (wanted?.disabled === false ? wanted : first)?.focus();
@@ -40,23 +40,23 @@ export function SceneView({ shown, alone }: { shown: boolean; alone: boolean }) 
     flushSync(() => openCamera(false));
     focusBar(cameraButton.current);
   };
-  const go = (on: boolean): void => {
+  const openGoHere = (on: boolean): void => {
     setDestination(null);
     setRefused(null);
     setGoing(on);
     pick(on);
   };
-  const over = (asked: string | null): void => {
-    flushSync(() => go(false));
+  const finishGoHere = (sent: string | null): void => {
+    flushSync(() => openGoHere(false));
     focusBar(goButton.current);
-    // Elsewhere the conversation beside the map shows it.
-    if (asked !== null && alone) toast("info", t("goHere.sent", { what: asked }));
+    // On other screens the conversation beside the map shows it.
+    if (sent !== null && alone) toast("info", t("goHere.sent", { what: sent }));
   };
   return (
     <div className="scene-view">
       <div className="scene-main" inert={large}>
         <div className="scene-bar" ref={bar}>
-          {/* One takes the other's place, so that the map stays as it is. */}
+          {/* One replaces the other, so that the map keeps its place. */}
           {going ? (
             <GoHere
               destination={destination}
@@ -64,13 +64,13 @@ export function SceneView({ shown, alone }: { shown: boolean; alone: boolean }) 
                 refused !== null ? <span lang="en">{refused}</span> : view === null ? t("goHere.noMap") : null
               }
               onDestination={setDestination}
-              onOver={over}
+              onDone={finishGoHere}
             />
           ) : (
             <SceneBar
               view={view}
               onView={show}
-              onGoHere={() => go(true)}
+              onGoHere={() => openGoHere(true)}
               goButton={goButton}
               camera={camera}
               cameraButton={cameraButton}
@@ -79,7 +79,7 @@ export function SceneView({ shown, alone }: { shown: boolean; alone: boolean }) 
           )}
         </div>
         <div className="scene-map">
-          <Scene viewer={VIEWER} />
+          <SceneFrame viewer={VIEWER} />
         </div>
       </div>
       {camera && shown && <CameraView shown={shown} large={large} onLarge={setLarge} onClose={closeCamera} />}

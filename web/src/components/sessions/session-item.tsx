@@ -1,4 +1,4 @@
-/** One session of the list: what it is called, whose it is, and whether the robot works in it. */
+/** One session of the list: its title, its owner, and whether a turn runs in it. */
 import { CircleHelp, LoaderCircle, MessageSquare, Trash2 } from "lucide-react";
 import { useTranslation } from "react-i18next";
 import type { SessionInfo } from "@agentclientprotocol/sdk";
@@ -20,7 +20,9 @@ export function SessionItem(props: {
   const me = useMe();
   const current = useStore((state) => state.currentId === session.sessionId);
   const canDelete = useStore((state) => state.canDelete && state.link.status === "online");
-  const asks = useStore((state) => state.questions.some(({ sessionId }) => sessionId === session.sessionId));
+  const hasQuestion = useStore((state) =>
+    state.questions.some(({ sessionId }) => sessionId === session.sessionId),
+  );
   const works = useStore((state) =>
     isWorking(
       session,
@@ -30,13 +32,13 @@ export function SessionItem(props: {
   );
   const title = session.title ?? t("sessions.untitled");
   const owner = ownerOf(session._meta);
-  const Icon = asks ? CircleHelp : works ? LoaderCircle : MessageSquare;
+  const Icon = hasQuestion ? CircleHelp : works ? LoaderCircle : MessageSquare;
   const choose = (): void => {
     openSession(session.sessionId).catch(() => undefined);
     props.onChosen();
   };
   return (
-    <li className="session" data-current={current} data-works={works && !asks}>
+    <li className="session" data-current={current} data-works={works && !hasQuestion}>
       <button
         type="button"
         className="session-open"
@@ -50,14 +52,14 @@ export function SessionItem(props: {
           {title}
         </span>
         <span className="session-sub">
-          {/* A visitor has no others' sessions to tell from their own. */}
+          {/* A visitor sees only their own sessions. */}
           {owner !== null && me.role !== "visitor" && (
             <span className="session-owner" title={owner}>
               {owner === me.name ? t("people.you") : owner}
             </span>
           )}
-          {asks || works ? (
-            <span className="session-busy">{t(asks ? "sessions.asks" : "sessions.working")}</span>
+          {hasQuestion || works ? (
+            <span className="session-busy">{t(hasQuestion ? "sessions.asks" : "sessions.working")}</span>
           ) : (
             session.updatedAt && <span>{when(new Date(session.updatedAt), props.now)}</span>
           )}

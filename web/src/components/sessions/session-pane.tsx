@@ -1,4 +1,4 @@
-/** The sessions to go back to: newest first, searchable, and a way to begin a new one. */
+/** The list of sessions, newest first, with a search and a button for a new session. */
 import { Plus, X } from "lucide-react";
 import { Dialog } from "radix-ui";
 import { useRef, useState } from "react";
@@ -49,14 +49,14 @@ function SessionList({ onChosen }: { onChosen: () => void }) {
   const { t } = useTranslation();
   const me = useMe();
   const [words, setWords] = useSessionSearch();
-  const shown = useShown(words);
+  const shown = useShownSessions(words);
   const online = useStore((state) => state.link.status === "online");
-  const [doomed, setDoomed] = useState<SessionInfo | null>(null);
+  const [toDelete, setToDelete] = useState<SessionInfo | null>(null);
   const newButton = useRef<HTMLButtonElement>(null);
   const list = useRef<HTMLDivElement>(null);
   const neighbour = (): HTMLElement | null => {
     const items = [...(list.current?.querySelectorAll<HTMLElement>("[data-session]") ?? [])];
-    const at = items.findIndex(({ dataset }) => dataset["session"] === doomed?.sessionId);
+    const at = items.findIndex(({ dataset }) => dataset["session"] === toDelete?.sessionId);
     return items[at + 1] ?? items[at - 1] ?? newButton.current;
   };
   const begin = (): void => {
@@ -83,7 +83,7 @@ function SessionList({ onChosen }: { onChosen: () => void }) {
         <p className={shown.sessions.length === 0 ? "muted small sessions-none" : "sr-only"} role="status">
           {shown.text}
         </p>
-        <Groups sessions={shown.sessions} onChosen={onChosen} onDelete={setDoomed} />
+        <Groups sessions={shown.sessions} onChosen={onChosen} onDelete={setToDelete} />
         {shown.more !== null && (
           <button
             type="button"
@@ -95,15 +95,15 @@ function SessionList({ onChosen }: { onChosen: () => void }) {
         )}
       </div>
       <Confirm
-        open={doomed !== null}
+        open={toDelete !== null}
         onOpenChange={(open) => {
-          if (!open) setDoomed(null);
+          if (!open) setToDelete(null);
         }}
         title={t("sessions.deleteTitle")}
         text={
           <SentenceWithQuote
-            sentence={t("sessions.deleteText", { title: doomed?.title ?? t("sessions.untitled") })}
-            quote={doomed?.title ?? ""}
+            sentence={t("sessions.deleteText", { title: toDelete?.title ?? t("sessions.untitled") })}
+            quote={toDelete?.title ?? ""}
           />
         }
         no={t("sessions.keep")}
@@ -111,8 +111,8 @@ function SessionList({ onChosen }: { onChosen: () => void }) {
         danger
         after={neighbour}
         onYes={() => {
-          if (doomed === null) return;
-          deleteSession(doomed.sessionId).catch((error: unknown) => {
+          if (toDelete === null) return;
+          deleteSession(toDelete.sessionId).catch((error: unknown) => {
             toast("warning", error instanceof Error ? error.message : String(error), "en");
           });
         }}
@@ -121,17 +121,17 @@ function SessionList({ onChosen }: { onChosen: () => void }) {
   );
 }
 
-interface Shown {
+interface ShownSessions {
   sessions: SessionInfo[];
-  /** Reads the next page; null when all are here. */
+  /** Loads the next page; null when there is none. */
   more: (() => Promise<void>) | null;
   searching: boolean;
-  /** Said where there is nothing, and to those who do not see the list. */
+  /** Shown where the list is empty, and announced by screen readers. */
   text: string;
 }
 
-/** What is here at once, and what the agent finds as soon as it has answered. */
-function useShown(search: string): Shown {
+/** The sessions that match the search: at first of those that are loaded, then of all, as the agent answers. */
+function useShownSessions(search: string): ShownSessions {
   const { t } = useTranslation();
   const sessions = useStore((state) => state.sessions);
   const known = useStore((state) => state.sessionsKnown);
@@ -143,7 +143,7 @@ function useShown(search: string): Shown {
     return { sessions, more: older ? listMoreSessions : null, searching: !known, text };
   }
   const answered = found?.words === words;
-  // An agent that does not know this search answers with the whole list.
+  // An agent that does not know the search answers with the whole list.
   const matching = (answered ? found.sessions : sessions).filter((session) => matchesSearch(session, words));
   return {
     sessions: matching,

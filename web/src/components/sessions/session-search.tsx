@@ -1,4 +1,4 @@
-/** The field to look for sessions. Escape and the cross empty it and stay in it. */
+/** The search field of the sessions. Escape and the cross empty it and keep the focus in it. */
 import { Search, X } from "lucide-react";
 import { useRef } from "react";
 import { useTranslation } from "react-i18next";

@@ -1,11 +1,11 @@
-/** What is left of a screen after an error of its own: Stop, and a way back. A kiosk takes it by itself. */
+/** What a screen shows after an error of its own: Stop, and a button to load the page again. A kiosk reloads by itself. */
 import { RotateCw } from "lucide-react";
 import { Component, useEffect, type ReactNode } from "react";
 import { useTranslation } from "react-i18next";
 import { isKiosk } from "../../screen";
 import { StopButton } from "./stop-button";
 
-const AGAIN_MS = 10_000;
+const RELOAD_MS = 10_000;
 
 export class Crash extends Component<{ children: ReactNode }, { crashed: boolean }> {
   override state = { crashed: false };
@@ -15,15 +15,15 @@ export class Crash extends Component<{ children: ReactNode }, { crashed: boolean
   }
 
   override render(): ReactNode {
-    return this.state.crashed ? <Remains /> : this.props.children;
+    return this.state.crashed ? <CrashPage /> : this.props.children;
   }
 }
 
-function Remains() {
+function CrashPage() {
   const { t } = useTranslation();
   const reload = (): void => window.location.reload();
   useEffect(() => {
-    const timer = isKiosk ? setTimeout(reload, AGAIN_MS) : undefined;
+    const timer = isKiosk ? setTimeout(reload, RELOAD_MS) : undefined;
     return () => clearTimeout(timer);
   }, []);
   return (

@@ -1,4 +1,4 @@
-/** The page for those who are not let in (yet): what to do, and a field for a link or token. */
+/** The page for those who are not logged in: what to do, and a field for a link or a token. */
 import { LogIn, RotateCw } from "lucide-react";
 import { useEffect, useState, type SubmitEvent } from "react";
 import { useTranslation } from "react-i18next";
@@ -7,9 +7,9 @@ import { isKiosk } from "../../screen";
 import type { LoginProblem } from "../../state/store";
 import { Mark } from "./mark";
 
-const AGAIN_MS = 5000;
+const RETRY_MS = 5000;
 
-/** A kiosk has words of its own: who stands before it is not who can log it in. */
+/** A kiosk has texts of its own: the visitor in front of it is not the person who can log it in. */
 const KIOSK = {
   none: "login.kioskNone",
   invalid: "login.kioskInvalid",
@@ -17,7 +17,7 @@ const KIOSK = {
   unreachable: "login.kioskUnreachable",
 } as const;
 
-/** The token itself, of whatever was pasted: a link, its fragment, or the token. */
+/** The token in the pasted text: a link, its fragment, or the token alone. */
 function tokenIn(pasted: string): string {
   return /[#&?]?token=([^&\s]+)/.exec(pasted)?.[1] ?? pasted.trim();
 }
@@ -28,10 +28,10 @@ export function LoginPage({ problem }: { problem: LoginProblem }) {
   const [busy, setBusy] = useState(false);
   const token = tokenIn(pasted);
 
-  // Nobody at a kiosk can be asked to try again.
+  // A kiosk tries again by itself: a visitor cannot.
   useEffect(() => {
     if (!isKiosk || problem !== "unreachable") return;
-    const timer = setInterval(() => void signInOnLoad(), AGAIN_MS);
+    const timer = setInterval(() => void signInOnLoad(), RETRY_MS);
     return () => clearInterval(timer);
   }, [problem]);
 

@@ -1,4 +1,4 @@
-/** The sign of robot-acp: a round robot seen from above, and where it faces. */
+/** The logo of robot-acp: a round robot seen from above, with its heading. */
 export function Mark() {
   return (
     <svg className="mark" viewBox="0 0 32 32" aria-hidden="true">

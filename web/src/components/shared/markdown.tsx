@@ -1,4 +1,4 @@
-/** Text with markdown, in whatever language it is. What a model writes is not trusted: no HTML, no pictures from elsewhere, links only to the web. */
+/** Text with markdown, in an unknown language. What a model writes is not trusted: no HTML, no pictures from elsewhere, links only to the web. */
 import type { ReactNode } from "react";
 import ReactMarkdown, { type Components } from "react-markdown";
 import remarkGfm from "remark-gfm";

@@ -2,7 +2,7 @@
 import { act, render, screen, waitFor } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 import { INITIAL, setState, type State } from "../../state/store";
-import { Scene } from "./scene-frame";
+import { SceneFrame } from "./scene-frame";
 
 const HTML = { headers: { "Content-Type": "text/html" } };
 const AWAY: Partial<State> = { link: { status: "waiting", retryAt: 0 } };
@@ -15,7 +15,7 @@ const tell = (...states: Partial<State>[]): void => {
 };
 
 async function shown(): Promise<HTMLIFrameElement> {
-  render(<Scene />);
+  render(<SceneFrame />);
   const frame = await screen.findByTitle<HTMLIFrameElement>("Live map with Robot");
   vi.spyOn(HTMLIFrameElement.prototype, "src", "set").mockImplementation(loaded);
   return frame;
@@ -34,7 +34,7 @@ it("comes after the conversation, and without one where the agent is away", asyn
   const asked = vi.fn(answers);
   answers = asked;
   setState({ link: { status: "connecting", first: true } });
-  render(<Scene />);
+  render(<SceneFrame />);
   await act(() => Promise.resolve());
   expect(asked).not.toHaveBeenCalled();
   tell(AWAY);

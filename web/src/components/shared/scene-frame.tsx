@@ -1,4 +1,4 @@
-/** The live map, as soon as it answers. */
+/** The frame with the live map, as soon as the bridge serves it. */
 import { MapPinOff } from "lucide-react";
 import { useEffect, useRef, useState, type RefObject } from "react";
 import { useTranslation } from "react-i18next";
@@ -6,17 +6,17 @@ import { robotName, useStore } from "../../state/store";
 
 const ASK_AGAIN_MS = 5000;
 
-/** `viewer`: the name under which this page steers its camera and picks; without one it can only be looked at. */
-export function Scene({ viewer }: { viewer?: string }) {
+/** `viewer`: the name with which this page moves the camera and picks; without one the map has no controls. */
+export function SceneFrame({ viewer }: { viewer?: string }) {
   const { t } = useTranslation();
   const robot = useStore(robotName);
   const address = viewer === undefined ? "/scene/" : `/scene/${viewer}/`;
   const frame = useRef<HTMLIFrameElement>(null);
-  const there = useSceneThere(address, frame);
-  if (there === true) return <iframe ref={frame} src={address} title={t("scene.frame", { robot })} />;
+  const available = useSceneAvailable(address, frame);
+  if (available === true) return <iframe ref={frame} src={address} title={t("scene.frame", { robot })} />;
   return (
     <div className="scene-none">
-      {there === false && (
+      {available === false && (
         <>
           <MapPinOff aria-hidden />
           <p>{t("scene.unavailable")}</p>
@@ -28,41 +28,41 @@ export function Scene({ viewer }: { viewer?: string }) {
 }
 
 /**
- * Whether the scene answers; asked until it does, and once more after a cut. Null while nobody knows. The conversation
- * comes first: a page that has just been opened draws its map once it has tried to reach the agent.
+ * Whether the bridge serves the map; asked until it does, and again after a lost connection. Null until the first answer.
+ * The conversation comes first: a page that has just been opened asks once it has tried to reach the agent.
  */
-function useSceneThere(address: string, frame: RefObject<HTMLIFrameElement | null>): boolean | null {
-  const [there, setThere] = useState<boolean | null>(null);
+function useSceneAvailable(address: string, frame: RefObject<HTMLIFrameElement | null>): boolean | null {
+  const [available, setAvailable] = useState<boolean | null>(null);
   const isDue = useStore(({ reachable, link }) => {
     const opens = link.status === "off" || (link.status === "connecting" && link.first);
     return reachable && !opens;
   });
   useEffect(() => {
-    if (there === true || !isDue) return;
-    let over = false;
+    if (available === true || !isDue) return;
+    let ended = false;
     const ask = async (): Promise<void> => {
       const answer = await answers(address);
-      if (!over) setThere(answer);
+      if (!ended) setAvailable(answer);
     };
     void ask();
     const timer = setInterval(() => void ask(), ASK_AGAIN_MS);
     return () => {
-      over = true;
+      ended = true;
       clearInterval(timer);
     };
-  }, [address, there, isDue]);
+  }, [address, available, isDue]);
   useEffect(
     () =>
-      onReturn(() => {
+      onReconnected(() => {
         void answers(address).then((answer) => {
-          // The same frame, so that whoever was in it with the keyboard stays there.
+          // The same frame, so that the keyboard's focus stays in it.
           if (answer && frame.current !== null) frame.current.src = address;
-          setThere(answer);
+          setAvailable(answer);
         });
       }),
     [address, frame],
   );
-  return there;
+  return available;
 }
 
 async function answers(address: string): Promise<boolean> {
@@ -73,22 +73,22 @@ async function answers(address: string): Promise<boolean> {
 }
 
 /**
- * Calls when the network was away and is back: the map's page trusts a connection that is dead without having been
- * closed, as the one is that fell silent and was given up. One slow answer is no cut, and neither is an agent that
- * starts anew. Returns what ends it.
+ * Calls back when the network was lost and is back: the map's page keeps a connection that is dead without having been
+ * closed, as the one is that fell silent and was given up. One slow answer is no loss, and neither is an agent that
+ * restarts. Returns a function that ends it.
  */
-function onReturn(back: () => void): () => void {
-  let away = false;
-  let silent = false;
+function onReconnected(onReconnect: () => void): () => void {
+  let wasLost = false;
+  let wasSilent = false;
   return useStore.subscribe(({ link, reachable, silentSince }) => {
     if (link.status !== "online") {
-      away ||= silent || !reachable;
+      wasLost ||= wasSilent || !reachable;
       return;
     }
-    silent = silentSince !== null;
-    if (away) {
-      away = false;
-      back();
+    wasSilent = silentSince !== null;
+    if (wasLost) {
+      wasLost = false;
+      onReconnect();
     }
   });
 }

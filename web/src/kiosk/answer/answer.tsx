@@ -1,4 +1,4 @@
-/** The last thing that the visitor asked for: what the robot does about it, in one large line, and what it answers. */
+/** The visitor's last request: what the robot does about it, in one large line, and what it answers. */
 import { CircleStop, Hand, LoaderCircle } from "lucide-react";
 import { useTranslation } from "react-i18next";
 import { cancelTurn } from "../../acp/sessions/sessions";
@@ -25,7 +25,7 @@ export function Answer() {
         <span className="sr-only">{t("kiosk.youAsked")} </span>
         {asked !== "" && (
           <q>
-            {/* Not on the quotation itself: its marks are the page's. */}
+            {/* The quotation marks around it are in the page's language. */}
             <span lang="">{asked}</span>
           </q>
         )}
@@ -38,24 +38,24 @@ export function Answer() {
 
 function Status({ items }: { items: Item[] }) {
   const { t } = useTranslation();
-  const robotActivity = useRobotActivity();
-  const words = useActivityText(robotActivity);
-  const detail = useActivityDetail(robotActivity);
-  const others = untranslatedIn(robotActivity);
+  const activity = useRobotActivity();
+  const words = useActivityText(activity);
+  const detail = useActivityDetail(activity);
+  const untranslated = untranslatedIn(activity);
   const turn = useStore((state) => conversationOf(state).turn);
   const online = useStore((state) => state.link.status === "online");
-  const thought = robotActivity.kind === "thinking" ? thoughtOf(items) : "";
-  const Icon = robotActivity.kind === "permission" ? Hand : LoaderCircle;
+  const thought = activity.kind === "thinking" ? thoughtOf(items) : "";
+  const Icon = activity.kind === "permission" ? Hand : LoaderCircle;
   return (
-    <div className="kiosk-status" data-doing={robotActivity.kind}>
+    <div className="kiosk-status" data-doing={activity.kind}>
       <Icon aria-hidden />
       <div>
-        <h1 role="status" data-testid="kiosk-status" data-doing={robotActivity.kind}>
-          <SentenceWithQuote sentence={words} quote={others.line} />
+        <h1 role="status" data-testid="kiosk-status" data-doing={activity.kind}>
+          <SentenceWithQuote sentence={words} quote={untranslated.line} />
         </h1>
         {detail !== "" && (
           <p className="kiosk-detail">
-            <SentenceWithQuote sentence={detail} quote={others.detail} />
+            <SentenceWithQuote sentence={detail} quote={untranslated.detail} />
           </p>
         )}
         {thought !== "" && (
@@ -106,7 +106,7 @@ function Said({ items, running }: { items: Item[]; running: boolean }) {
   );
 }
 
-/** How it ended, where the answer does not say it. */
+/** How the turn ended, where the answer does not say it. */
 function End({ items, silent }: { items: Item[]; silent: boolean }) {
   const { t } = useTranslation();
   const note = items.findLast((item) => item.kind === "note");

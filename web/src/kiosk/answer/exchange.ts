@@ -1,4 +1,4 @@
-/** What of an exchange is shown large: texts, pictures, sounds. Pure. */
+/** The texts, pictures and sounds of an exchange: a visitor's request and what came of it. Pure. */
 import type { ContentBlock } from "@agentclientprotocol/sdk";
 import type { AgentItem, Item } from "../../state/conversation/conversation";
 
@@ -8,20 +8,20 @@ export interface Medium {
   mimeType: string;
 }
 
-/** The words of what was asked. */
+/** The text of the request. */
 export function textOf(items: Item[]): string {
   const asked = items[0];
   if (asked?.kind !== "user") return "";
   return asked.blocks.flatMap((block) => (block.type === "text" ? [block.text] : [])).join(" ");
 }
 
-/** What the robot thought last. */
+/** The model's last thought. */
 export function thoughtOf(items: Item[]): string {
   const thought = items.findLast((item): item is AgentItem => item.kind === "thought");
   return thought?.text.trim() ?? "";
 }
 
-/** All that the robot said in answer. */
+/** The whole answer. */
 export function answerOf(items: Item[]): string {
   return items
     .flatMap((item) => (item.kind === "agent" ? [item.text.trim()] : []))

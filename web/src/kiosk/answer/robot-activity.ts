@@ -1,31 +1,31 @@
-/** What the robot is robotActivity for the visitor, as one of a fixed list: computed from all that is known, never stored. */
+/** What the robot is doing for the visitor, as one of a fixed list: computed from the store, never stored. */
 import type { Telemetry } from "../../wire/telemetry";
 import { callText, untranslatedPart } from "../../i18n/agent-terms";
 import type { Conversation, Item, ToolItem } from "../../state/conversation/conversation";
-import type { LinkState } from "../../wire/link-state";
+import { isCutOff, type LinkState } from "../../wire/link-state";
 import { asString, isRecord } from "../../wire/fields";
 
 export type RobotActivity =
   | { kind: "nothing" }
   | { kind: "offline" }
   | { kind: "unreachable" }
-  /** It works for somebody else, and nobody here has asked for anything yet. */
+  /** The robot works for somebody else, and nobody here has asked for anything yet. */
   | { kind: "elsewhere" }
-  /** `says`: the sentence, where it wants to speak; else `what` it wants to do, with `others` in it. */
-  | { kind: "permission"; what: string; says: string | null; others: string }
+  /** `says`: the sentence that the robot wants to speak, or null; else `what` it wants to do, with the part that is `untranslated`. */
+  | { kind: "permission"; what: string; says: string | null; untranslated: string }
   | { kind: "queue" }
   | { kind: "driving"; place: string | null; metres: number | null; seconds: number | null }
   | { kind: "turning" }
   | { kind: "speaking"; text: string }
   | { kind: "photo" }
-  /** A tool that has no words of its own here. */
+  /** A tool for which the kiosk has no text of its own. */
   | { kind: "tool"; what: string }
   | { kind: "thinking" };
 
-/** What came of the last thing that was asked for, and that itself. */
+/** The visitor's last request and everything that came after it. */
 export function exchange(conversation: Conversation): Item[] {
-  const asked = conversation.items.findLastIndex((item) => item.kind === "user");
-  return asked < 0 ? [] : conversation.items.slice(asked);
+  const request = conversation.items.findLastIndex((item) => item.kind === "user");
+  return request < 0 ? [] : conversation.items.slice(request);
 }
 
 export function robotActivity(
@@ -35,7 +35,7 @@ export function robotActivity(
   conversation: Conversation,
   sessionId: string | null,
 ): RobotActivity {
-  if (link.status === "waiting" || (link.status === "connecting" && !link.first)) return { kind: "offline" };
+  if (isCutOff(link)) return { kind: "offline" };
   if (silentSince !== null || telemetry?.online === false) return { kind: "unreachable" };
   if (conversation.turn === null) {
     const holder = telemetry?.turn?.sessionId ?? null;
@@ -47,13 +47,13 @@ export function robotActivity(
       kind: "permission",
       what: callText(tool),
       says: sentenceOf(tool),
-      others: untranslatedPart(tool),
+      untranslated: untranslatedPart(tool),
     };
   if (tool?.status === "pending" && tool.waiting === "robot") return { kind: "queue" };
-  return tool?.status === "in_progress" ? working(tool, telemetry) : { kind: "thinking" };
+  return tool?.status === "in_progress" ? activityOf(tool, telemetry) : { kind: "thinking" };
 }
 
-function working(tool: ToolItem, telemetry: Telemetry | null): RobotActivity {
+function activityOf(tool: ToolItem, telemetry: Telemetry | null): RobotActivity {
   const motion = telemetry?.motion ?? null;
   switch (tool.tool) {
     case "navigate_to_place":
@@ -75,21 +75,21 @@ function working(tool: ToolItem, telemetry: Telemetry | null): RobotActivity {
     case "get_topological_map":
     case "get_current_pose":
     case "get_robot_status":
-      return { kind: "thinking" }; // a glance, over before it could be read
+      return { kind: "thinking" }; // over before a text about it could be read
     default:
       return { kind: "tool", what: callText(tool) };
   }
 }
 
-/** What is not the page's in the one large line, and in the detail beside it. */
-export function untranslatedIn(what: RobotActivity): { line: string; detail: string } {
-  switch (what.kind) {
+/** The parts of the large line and of the detail below it that are not in the page's language. */
+export function untranslatedIn(activity: RobotActivity): { line: string; detail: string } {
+  switch (activity.kind) {
     case "permission":
-      return { line: "", detail: what.says ?? what.others };
+      return { line: "", detail: activity.says ?? activity.untranslated };
     case "speaking":
-      return { line: what.text, detail: "" };
+      return { line: activity.text, detail: "" };
     case "tool":
-      return { line: what.what, detail: "" };
+      return { line: activity.what, detail: "" };
     default:
       return { line: "", detail: "" };
   }

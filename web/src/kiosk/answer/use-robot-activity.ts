@@ -1,4 +1,4 @@
-/** What the robot is robotActivity for the visitor, and the words for it. */
+/** What the robot is doing for the visitor, and the texts for it. */
 import { useTranslation } from "react-i18next";
 import { useShallow } from "zustand/react/shallow";
 import { metres, wholeSeconds } from "../../i18n/format";
@@ -7,6 +7,7 @@ import { robotName, useStore } from "../../state/store";
 import { robotActivity, type RobotActivity } from "./robot-activity";
 import { isWord } from "../ask/suggestions";
 
+/** Below this distance the text says "nearly there" instead of a number. */
 const NEAR_M = 1;
 
 export function useRobotActivity(): RobotActivity {
@@ -19,31 +20,31 @@ export function useRobotActivity(): RobotActivity {
   );
 }
 
-export function useActivityText(what: RobotActivity): string {
+export function useActivityText(activity: RobotActivity): string {
   const { t } = useTranslation();
   const robot = useStore(robotName);
-  switch (what.kind) {
+  switch (activity.kind) {
     case "nothing":
       return "";
     case "driving":
-      if (what.place === null) return t("doing.driving");
-      return t(isWord(what.place) ? "doing.drivingToThe" : "doing.drivingTo", { place: what.place });
+      if (activity.place === null) return t("doing.driving");
+      return t(isWord(activity.place) ? "doing.drivingToThe" : "doing.drivingTo", { place: activity.place });
     case "speaking":
-      return t("doing.speaking", { text: what.text });
+      return t("doing.speaking", { text: activity.text });
     case "tool":
-      return what.what;
+      return activity.what;
     default:
-      return t(`doing.${what.kind}`, { robot });
+      return t(`doing.${activity.kind}`, { robot });
   }
 }
 
-/** What there is to say beside the one large line: the way that is left, or what waits to be allowed. */
-export function useActivityDetail(what: RobotActivity): string {
+/** The text below the large line: the distance that is left, or what waits to be allowed. */
+export function useActivityDetail(activity: RobotActivity): string {
   const { t } = useTranslation();
-  if (what.kind === "permission") {
-    return what.says === null ? what.what : t("doing.toSay", { text: what.says });
+  if (activity.kind === "permission") {
+    return activity.says === null ? activity.what : t("doing.toSay", { text: activity.says });
   }
-  if (what.kind !== "driving" || what.metres === null || what.seconds === null) return "";
-  if (what.metres < NEAR_M) return t("doing.near");
-  return t("doing.left", { distance: metres(what.metres), seconds: wholeSeconds(what.seconds) });
+  if (activity.kind !== "driving" || activity.metres === null || activity.seconds === null) return "";
+  if (activity.metres < NEAR_M) return t("doing.near");
+  return t("doing.left", { distance: metres(activity.metres), seconds: wholeSeconds(activity.seconds) });
 }

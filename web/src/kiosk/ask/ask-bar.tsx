@@ -1,4 +1,4 @@
-/** A field to write in, and a microphone where the kiosk may use one. */
+/** The field for a request, and a microphone where the kiosk may use one. */
 import { Mic, SendHorizontal } from "lucide-react";
 import type { SubmitEvent } from "react";
 import { useTranslation } from "react-i18next";

@@ -1,4 +1,4 @@
-/** What can be touched to be asked for. */
+/** The suggestions: a touch sends one as a request. */
 import { BatteryMedium, Camera, Compass, HelpCircle, MapPin, MessageCircle } from "lucide-react";
 import { useTranslation } from "react-i18next";
 import { useStore } from "../../state/store";
@@ -14,7 +14,7 @@ const ICONS: Record<Suggestion["key"], typeof MapPin> = {
   abilities: HelpCircle,
 };
 
-export function Suggestions({ compact, onWish }: { compact: boolean; onWish: (text: string) => void }) {
+export function Suggestions({ compact, onRequest }: { compact: boolean; onRequest: (text: string) => void }) {
   const { t } = useTranslation();
   const abilities = useStore((state) => state.abilities);
   const online = useStore((state) => state.link.status === "online");
@@ -33,7 +33,7 @@ export function Suggestions({ compact, onWish }: { compact: boolean; onWish: (te
                 type="button"
                 data-testid="kiosk-suggestion"
                 disabled={!online}
-                onClick={() => onWish(text)}
+                onClick={() => onRequest(text)}
               >
                 <Icon aria-hidden />
                 {text}

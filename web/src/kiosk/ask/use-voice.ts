@@ -1,6 +1,6 @@
 /**
- * Speech to text by the browser, where it can do that. Off unless the kiosk's address says otherwise: Chromium and
- * Chrome send what they hear to a server of Google. Nothing is recorded or kept here.
+ * Speech to text by the browser, where it has that. Off unless the kiosk's address allows it: Chromium and Chrome send
+ * the recording to a server of Google. Nothing is recorded or stored here.
  */
 import { useCallback, useEffect, useRef, useState } from "react";
 
@@ -23,16 +23,16 @@ function recognitionClass(): RecognitionClass | null {
 }
 
 export interface Voice {
-  /** False where the browser cannot, or may not. */
+  /** False where the browser has no speech recognition, or the kiosk's address does not allow it. */
   possible: boolean;
   listening: boolean;
-  /** The last time ended without a word. */
+  /** The last recording ended without a word. */
   missed: boolean;
   toggle: () => void;
 }
 
-/** `onHeard` gets what was said, as far as it is known; it is called again while somebody speaks. */
-export function useVoice(allowed: boolean, language: string, onHeard: (text: string) => void): Voice {
+/** `onText` receives the text so far, and is called again while somebody speaks. */
+export function useVoice(allowed: boolean, language: string, onText: (text: string) => void): Voice {
   const possible = allowed && recognitionClass() !== null;
   const current = useRef<Recognition | null>(null);
   const [listening, setListening] = useState(false);
@@ -55,9 +55,9 @@ export function useVoice(allowed: boolean, language: string, onHeard: (text: str
       const { results } = event as ResultEvent;
       const text = Array.from(results, (result) => result[0]?.transcript ?? "").join(" ");
       heard = text.trim() !== "";
-      onHeard(text.trim());
+      onText(text.trim());
     });
-    // Comes after every end, also after an error.
+    // Comes at every end, also after an error.
     recognition.addEventListener("end", () => {
       current.current = null;
       setListening(false);
@@ -67,7 +67,7 @@ export function useVoice(allowed: boolean, language: string, onHeard: (text: str
     setMissed(false);
     setListening(true);
     recognition.start();
-  }, [possible, language, onHeard]);
+  }, [possible, language, onText]);
 
   return { possible, listening, missed, toggle };
 }

@@ -1,50 +1,51 @@
 /**
- * Notices that nobody is there any more: warns some time before the end, so that whoever is can stay, and ends. Begins
- * again after each end. While something runs it does not count: a visitor who walks with the robot touches nothing.
+ * Notices that nobody uses the kiosk any more: warns some time before the end, so that a person who is still there can
+ * stay, then ends and starts over. While it is paused no time passes: a visitor who walks with the robot touches nothing.
  */
 
 export interface IdleTimerEvents {
-  /** `at` is when it will be over, in ms of this machine's clock; null: somebody touched, or it is over. */
-  onWarn: (at: number | null) => void;
-  onOver: () => void;
+  /** `endsAt`: when the time will be up, in ms of this machine's clock; null withdraws the warning. */
+  onWarn: (endsAt: number | null) => void;
+  onEnd: () => void;
 }
 
 export class IdleTimer {
   private timer: ReturnType<typeof setTimeout> | undefined;
-  private held = false;
+  private paused = false;
 
   constructor(
     private readonly limitMs: number,
     private readonly warningMs: number,
     private readonly events: IdleTimerEvents,
   ) {
-    this.touch();
+    this.restart();
   }
 
-  /** Somebody is there. */
-  touch(): void {
+  /** Somebody is there: the whole time begins again. */
+  restart(): void {
     clearTimeout(this.timer);
     this.events.onWarn(null);
-    if (this.held) return;
+    if (this.paused) return;
     this.timer = setTimeout(() => this.warn(), this.limitMs - this.warningMs);
   }
 
-  /** While `held`, the time does not count; after it, all of it does. */
-  hold(held: boolean): void {
-    if (held === this.held) return;
-    this.held = held;
-    this.touch();
+  /** After a pause the whole time begins again. */
+  setPaused(paused: boolean): void {
+    if (paused === this.paused) return;
+    this.paused = paused;
+    this.restart();
   }
 
-  end(): void {
+  /** Stops the timer for good. */
+  dispose(): void {
     clearTimeout(this.timer);
   }
 
   private warn(): void {
     this.events.onWarn(Date.now() + this.warningMs);
     this.timer = setTimeout(() => {
-      this.touch();
-      this.events.onOver();
+      this.restart();
+      this.events.onEnd();
     }, this.warningMs);
   }
 }

@@ -1,4 +1,4 @@
-/** Asks before the screen starts over. Any touch keeps it; the button is there to be found by every means. */
+/** Asks whether somebody is there, before the screen starts over. Any touch answers; the button is for keyboards and screen readers. */
 import { useEffect, useRef } from "react";
 import { useTranslation } from "react-i18next";
 import { useNow } from "../../hooks/use-now";
@@ -9,7 +9,7 @@ export function StillThere({ endsAt, onStay }: { endsAt: number; onStay: () => v
   const button = useRef<HTMLButtonElement>(null);
   const count = Math.max(1, Math.ceil((endsAt - now) / 1000));
 
-  // Whoever was somewhere else with the keyboard goes back there.
+  // The keyboard's focus goes back to where it was.
   useEffect(() => {
     const before = document.activeElement;
     button.current?.focus({ preventScroll: true });

@@ -1,34 +1,35 @@
-/** The rest of a kiosk, fed with every touch and key on the page. */
+/** The kiosk's idle timer, restarted by every touch and key on the page. */
 import { useCallback, useEffect, useRef, useState } from "react";
 import { IdleTimer } from "./idle-timer";
 
 const WARNING_MS = 20_000;
-const TOUCHES = ["pointerdown", "keydown", "input", "wheel", "touchmove"] as const;
+const ACTIVITY = ["pointerdown", "keydown", "input", "wheel", "touchmove"] as const;
 
 export interface IdleState {
-  /** When the screen starts over, in ms; null while there is no hurry. */
+  /** When the screen starts over, in ms; null while no warning is due. */
   endsAt: number | null;
+  /** Restarts the time. */
   stay: () => void;
 }
 
-/** While `held` the time does not count. */
-export function useIdleTimer(limitMs: number, held: boolean, onOver: () => void): IdleState {
-  const rest = useRef<IdleTimer | null>(null);
+/** While `paused` no time passes. `onEnd` has to stay the same function. */
+export function useIdleTimer(limitMs: number, paused: boolean, onEnd: () => void): IdleState {
+  const timer = useRef<IdleTimer | null>(null);
   const [endsAt, setEndsAt] = useState<number | null>(null);
 
   useEffect(() => {
-    const made = new IdleTimer(limitMs, Math.min(WARNING_MS, limitMs / 2), { onWarn: setEndsAt, onOver });
-    rest.current = made;
-    const touch = (): void => made.touch();
-    for (const name of TOUCHES) window.addEventListener(name, touch, { capture: true, passive: true });
+    const idle = new IdleTimer(limitMs, Math.min(WARNING_MS, limitMs / 2), { onWarn: setEndsAt, onEnd });
+    timer.current = idle;
+    const restart = (): void => idle.restart();
+    for (const name of ACTIVITY) window.addEventListener(name, restart, { capture: true, passive: true });
     return () => {
-      made.end();
-      for (const name of TOUCHES) window.removeEventListener(name, touch, { capture: true });
+      idle.dispose();
+      for (const name of ACTIVITY) window.removeEventListener(name, restart, { capture: true });
     };
-  }, [limitMs, onOver]);
+  }, [limitMs, onEnd]);
 
-  useEffect(() => rest.current?.hold(held), [held]);
+  useEffect(() => timer.current?.setPaused(paused), [paused]);
 
-  const stay = useCallback(() => rest.current?.touch(), []);
+  const stay = useCallback(() => timer.current?.restart(), []);
   return { endsAt, stay };
 }

@@ -1,4 +1,4 @@
-/** What a session is on the screen: plain immutable data, made by the reducer alone. */
+/** A session as the screen shows it: plain immutable data, made by the reducer alone. */
 import type {
   ContentBlock,
   PlanEntry,
@@ -11,7 +11,7 @@ import type { Timeline } from "./timeline";
 
 export type ToolStatus = "pending" | "in_progress" | "completed" | "failed";
 
-/** Whether a tool call with this status is over: nothing more comes of it. */
+/** Whether a tool call with this status is over. */
 export function hasEnded(status: ToolStatus | null | undefined): boolean {
   return status === "completed" || status === "failed";
 }
@@ -24,7 +24,7 @@ export interface UserItem {
   blocks: ContentBlock[];
 }
 
-/** What the agent thinks or says: text that grows, and whatever else it shows. */
+/** What the agent thinks or says: text that grows, and pictures, sounds and links. */
 export interface AgentItem {
   kind: "thought" | "agent";
   key: string;
@@ -44,24 +44,24 @@ export interface ToolItem {
   key: string;
   id: string;
   title: string;
-  /** The tool's own name, where the agent tells it: for summaries only. */
+  /** The tool's own name; null where the agent does not send it. For summaries only. */
   tool: string | null;
   status: ToolStatus;
   content: ToolCallContent[];
   input: unknown;
   output: unknown;
   progress: Progress | null;
-  /** What it waits for before it begins. */
+  /** What the call waits for before it begins; null when it waits for nothing. */
   waiting: Waiting | null;
   decision: Decision | null;
 }
 
-/** How a turn ended, where that is worth a line, or what went wrong with sending. */
+/** How a turn ended, unless it ended normally, or why a prompt was refused. */
 export interface NoteItem {
   kind: "note";
   key: string;
   stopReason: string | null;
-  /** Who took the robot over, where that is what happened. */
+  /** Who took control of the robot; absent when nobody did. */
   takenBy?: string;
   error: string | null;
 }
@@ -70,7 +70,7 @@ export type Item = UserItem | AgentItem | PlanItem | ToolItem | NoteItem;
 
 export interface Turn {
   id: string | null;
-  /** Set from the moment somebody here asked to cancel until the turn has ended. */
+  /** True from the moment somebody here asked to cancel until the turn has ended. */
   cancelling: boolean;
 }
 
@@ -81,20 +81,20 @@ export interface Modes {
 
 export interface Conversation {
   items: Item[];
-  /** How many items came before these and are kept no more: the log of the session has them. */
+  /** How many earlier items were dropped; the session's log still has them. */
   dropped: number;
   /** The turn that runs; null while none does. */
   turn: Turn | null;
-  /** The number of the last update that is in here; what is not newer has been seen. */
+  /** The number of the last update that was applied; one that is not newer is ignored. */
   lastSeq: number;
-  /** How many items have been made; keys are counted so that a replay gives the same ones. */
+  /** How many items were ever created. Keys are counted, so that a replay gives the same ones. */
   made: number;
   title: string | null;
   modes: Modes | null;
   options: SessionConfigOption[];
-  /** Tools for which an answer counts for the rest of the session: allowed, or refused. */
+  /** Tools whose answer counts for the rest of the session: true for allowed, false for refused. */
   remembered: Record<string, boolean>;
-  /** What the turn that runs, or else the last one, spends its time on; null before the first. */
+  /** The timeline of the running turn, else of the last one; null before the first. */
   timeline: Timeline | null;
 }
 

@@ -39,7 +39,7 @@ import { startTimeline, endTimeline, timelineReducer } from "./timeline";
 type Update<Kind extends SessionUpdate["sessionUpdate"]> = Extract<SessionUpdate, { sessionUpdate: Kind }>;
 type Fresh<T extends Item> = T extends Item ? Omit<T, "key"> : never;
 
-/** A page that is open for days keeps the newest so many, and lets go of older ones in bundles: each makes the log jump. */
+/** A page that is open for days keeps so many items. Older ones go in bundles, because each time the list jumps. */
 export const MAX_ITEMS = 400;
 const BUNDLE = 100;
 
@@ -60,7 +60,7 @@ function apply(state: Conversation, update: SessionUpdate): Conversation {
     case "agent_thought_chunk":
       return agentChunk(state, "thought", update);
     case "plan":
-      return plan(state, update);
+      return planUpdate(state, update);
     case "tool_call":
       return toolCall(state, update);
     case "tool_call_update":
@@ -70,17 +70,17 @@ function apply(state: Conversation, update: SessionUpdate): Conversation {
     case "config_option_update":
       return withOptions(state, update.configOptions);
     case "session_info_update":
-      return info(state, update);
+      return sessionInfo(state, update);
     default:
-      return state; // the other kinds say nothing that is shown in a conversation
+      return state; // the other kinds of updates are not part of a conversation
   }
 }
 
 function add<T extends Item>(state: Conversation, item: Fresh<T>): Conversation {
   const made = state.made + 1;
-  const gone = state.items.length < MAX_ITEMS ? 0 : BUNDLE;
-  const kept = state.items.slice(gone);
-  return { ...state, made, items: [...kept, { ...item, key: `i${made}` }], dropped: state.dropped + gone };
+  const dropped = state.items.length < MAX_ITEMS ? 0 : BUNDLE;
+  const kept = state.items.slice(dropped);
+  return { ...state, made, items: [...kept, { ...item, key: `i${made}` }], dropped: state.dropped + dropped };
 }
 
 function replaceLast(state: Conversation, item: Item): Conversation {
@@ -128,8 +128,8 @@ function agentChunk(state: Conversation, kind: AgentItem["kind"], chunk: Content
   return add<AgentItem>(state, { kind, messageId, text, blocks });
 }
 
-/** A plan is shown once a turn, where it first appeared, and changes there. */
-function plan(state: Conversation, update: Update<"plan">): Conversation {
+/** A turn shows one plan, where it first appeared; later plans of the turn replace it there. */
+function planUpdate(state: Conversation, update: Update<"plan">): Conversation {
   for (let i = state.items.length - 1; i >= 0; i--) {
     const item = state.items[i];
     if (item?.kind === "user") break;
@@ -172,12 +172,12 @@ function toolCallUpdate(state: Conversation, update: ToolCallUpdate): Conversati
   const status = update.status ?? item.status;
   const tool = toolOf(update._meta) ?? item.tool;
   const decision = decisionOf(update._meta);
-  return replaceAt(remembering(state, tool, decision), index, {
+  return replaceAt(withRemembered(state, tool, decision), index, {
     ...item,
     status,
     title: update.title ?? item.title,
     tool,
-    // The content of a progress or a wait repeats it in words; it is not a result.
+    // The content of an update about progress or waiting repeats it in words; it is not a result.
     content: progress === null && waiting === null ? (update.content ?? item.content) : item.content,
     input: update.rawInput ?? item.input,
     output: update.rawOutput ?? item.output,
@@ -187,8 +187,8 @@ function toolCallUpdate(state: Conversation, update: ToolCallUpdate): Conversati
   });
 }
 
-/** An answer that counts for the rest of the session. */
-function remembering(state: Conversation, tool: string | null, decision: Decision | null): Conversation {
+/** Remembers a decision that counts for the rest of the session. */
+function withRemembered(state: Conversation, tool: string | null, decision: Decision | null): Conversation {
   if (tool === null || decision?.reason !== "selected" || !decision.option?.endsWith("_always")) return state;
   return { ...state, remembered: { ...state.remembered, [tool]: decision.option === "allow_always" } };
 }
@@ -208,24 +208,24 @@ function withOptions(state: Conversation, options: Conversation["options"]): Con
   return { ...state, options, modes };
 }
 
-function info(state: Conversation, update: Update<"session_info_update">): Conversation {
+function sessionInfo(state: Conversation, update: Update<"session_info_update">): Conversation {
   const titled = update.title === undefined ? state : { ...state, title: update.title };
   const turn = turnOf(update._meta);
   if (turn?.state === "running") {
     return { ...titled, turn: { id: turn.id, cancelling: titled.turn?.cancelling ?? false } };
   }
-  return turn === null ? titled : ended(titled, turn.stopReason ?? "end_turn");
+  return turn === null ? titled : endTurn(titled, turn.stopReason ?? "end_turn");
 }
 
-/** The turn is over. A normal end needs no words, and neither does one that has been told. */
-function ended(state: Conversation, stopReason: string): Conversation {
+/** Ends the turn. A normal end gets no note, and neither does a take-over, which has its own. */
+function endTurn(state: Conversation, stopReason: string): Conversation {
   const over: Conversation = { ...state, turn: null };
   const last = state.items.at(-1);
   if (stopReason === "end_turn" || (last?.kind === "note" && last.takenBy !== undefined)) return over;
   return add<NoteItem>(over, { kind: "note", stopReason, error: null });
 }
 
-/** The person here sent a prompt, at `at` in Unix seconds: the agent does not send it back to this connection. */
+/** The person here sent a prompt, at `at` in Unix seconds. The agent does not send it back to this connection. */
 export function promptSent(
   state: Conversation,
   text: string,
@@ -237,13 +237,13 @@ export function promptSent(
   return add<UserItem>(running, { kind: "user", author, turnId: null, blocks: [{ type: "text", text }] });
 }
 
-/** The prompt's answer came. An agent that announced the end already has said all. */
+/** The answer to the prompt came. Where the agent announced the end of the turn before, nothing changes. */
 export function promptEnded(state: Conversation, stopReason: string, at: number | null = null): Conversation {
   const over = at === null ? state : { ...state, timeline: endTimeline(state.timeline, at) };
-  return state.turn === null ? over : ended(over, stopReason);
+  return state.turn === null ? over : endTurn(over, stopReason);
 }
 
-/** The prompt was refused, and no turn runs. */
+/** The agent refused the prompt, so no turn runs. */
 export function promptFailed(state: Conversation, error: string): Conversation {
   return add<NoteItem>({ ...state, turn: null, timeline: null }, { kind: "note", stopReason: null, error });
 }
@@ -252,7 +252,7 @@ export function cancelRequested(state: Conversation): Conversation {
   return state.turn === null ? state : { ...state, turn: { ...state.turn, cancelling: true } };
 }
 
-/** The answer to session/new or session/load: the settings, and whether a turn runs. */
+/** Applies the answer to `session/new` or `session/load`: the settings, and whether a turn runs. */
 export function sessionOpened(
   state: Conversation,
   answer: NewSessionResponse | LoadSessionResponse,

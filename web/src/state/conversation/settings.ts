@@ -1,4 +1,4 @@
-/** Mode and model of a session as two simple choices, whichever of ACP's two ways the agent publishes them in. */
+/** Mode and model of a session as two simple choices, whether the agent publishes them as ACP modes or as config options. */
 import type { SessionConfigSelectOption } from "@agentclientprotocol/sdk";
 import { translateMode, type Choice } from "../../i18n/agent-terms";
 import type { Conversation } from "./conversation";

@@ -1,6 +1,6 @@
 /**
- * What came of a tool call, in a sentence for people. A tool that is not known here shows the text that it gave;
- * raw data are never a summary.
+ * The result of a tool call, in a sentence for people. For a tool that is not known here it is the text that the tool
+ * gave; raw data are never a summary.
  */
 import i18next from "../../i18n";
 import { metres, percent, seconds } from "../../i18n/format";
@@ -8,7 +8,7 @@ import { isKnownCall } from "../../i18n/agent-terms";
 import type { ToolItem } from "./conversation";
 import { asNumber, asString, isRecord } from "../../wire/fields";
 
-/** How a tool call stands, finer than ACP's four states. */
+/** The status of a tool call, finer than ACP's four. */
 export type Outcome = "pending" | "asking" | "in_progress" | "completed" | "failed" | "refused" | "cancelled";
 
 export function outcomeOf(item: ToolItem, asking: boolean): Outcome {
@@ -29,19 +29,19 @@ export function textsOf(item: ToolItem): string[] {
 
 export interface Summary {
   text: string;
-  /** None for the page's own words; empty where nobody knows. */
+  /** Absent for the page's own words; empty where the language is unknown. */
   lang?: "en" | "";
 }
 
-/** What to read below the title; empty when the title and the state say all. */
+/** The sentence below the title; empty when title and outcome say everything. */
 export function summaryOf(item: ToolItem, outcome: Outcome): Summary {
   if (outcome !== "failed" && outcome !== "completed") return { text: "" };
-  const own = outcome === "completed" ? known(item) : null;
+  const own = outcome === "completed" ? knownSummary(item) : null;
   if (own !== null) return { text: own };
   const texts = textsOf(item).filter(isProse);
   return {
     text: (outcome === "failed" ? texts.map(withoutCode) : texts).join("\n"),
-    lang: isKnownCall(item) ? "en" : "", // the robot server says everything in English
+    lang: isKnownCall(item) ? "en" : "", // the robot server's sentences are English
   };
 }
 
@@ -55,13 +55,13 @@ function withoutCode(text: string): string {
   return text.replace(/^(?:Error: )?[a-z]+(?:_[a-z]+)*: (?=\S)/, "");
 }
 
-function known(item: ToolItem): string | null {
+function knownSummary(item: ToolItem): string | null {
   const output = item.output;
   if (!isRecord(output)) return null;
   switch (item.tool) {
     case "navigate_to_place":
     case "navigate_to_pose":
-      return driven(output);
+      return driveSummary(output);
     case "rotate_in_place": {
       const took = asNumber(output["duration_s"]);
       return took === null ? null : i18next.t("summary.turned", { seconds: seconds(took) });
@@ -80,15 +80,15 @@ function known(item: ToolItem): string | null {
     }
     case "speak":
       if (output["audible"] === false) return i18next.t("summary.silent");
-      return ""; // the player below says it
+      return ""; // the sound player stands below
     case "take_photo":
-      return ""; // the picture says it
+      return ""; // the picture stands below
     default:
       return null;
   }
 }
 
-function driven(output: Record<string, unknown>): string | null {
+function driveSummary(output: Record<string, unknown>): string | null {
   const took = asNumber(output["duration_s"]);
   const distance = asNumber(output["distance"]);
   const length = asNumber(output["path_length"]);
