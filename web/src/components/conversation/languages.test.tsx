@@ -1,7 +1,8 @@
 /** Which language each part of a Spanish page is said to be in: what is not the page's own must not sound like it. */
 import { render, screen } from "@testing-library/react";
-import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { afterEach, beforeAll, beforeEach, describe, expect, it, vi } from "vitest";
 import i18next from "../../i18n";
+import { startPageLanguage } from "../../i18n/page-language";
 import { EMPTY, type Item, type ToolItem } from "../../state/conversation/conversation";
 import { INITIAL, setState, toast, type Question } from "../../state/store";
 import { ConversationLog } from "./conversation-log";
@@ -49,6 +50,8 @@ class NoObserver {
   observe = (): void => undefined;
   disconnect = (): void => undefined;
 }
+
+beforeAll(startPageLanguage);
 
 beforeEach(async () => {
   vi.stubGlobal("ResizeObserver", NoObserver);

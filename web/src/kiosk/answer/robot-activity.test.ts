@@ -55,7 +55,7 @@ describe("what the robot is doing for a visitor", () => {
       kind: "permission",
       what: "Say aloud: “Hello.”",
       says: "Hello.",
-      others: "Hello.",
+      untranslated: "Hello.",
     });
   });
   it("waits no longer once it has been decided", () => {
