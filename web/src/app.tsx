@@ -1,13 +1,16 @@
-/** The page: who is not logged in sees the login, everybody else the dashboard or, at /kiosk, the kiosk. */
+/** The page: the login for those who are not logged in, else the dashboard or, at /kiosk, the kiosk. */
 import { lazy, Suspense } from "react";
 import { useTranslation } from "react-i18next";
-import { keyOf } from "./acp/connection";
-import { Crash } from "./components/crash";
-import { LoginPage } from "./components/login-page";
+import { identityOf } from "./acp/connection/connection";
+import { Crash } from "./components/shared/crash";
+import { LoginPage } from "./components/shared/login-page";
 import { isKiosk } from "./screen";
 import { useStore } from "./state/store";
 
-const SCREENS = { kiosk: () => import("./kiosk/kiosk"), dashboard: () => import("./components/dashboard") };
+const SCREENS = {
+  kiosk: () => import("./kiosk/kiosk"),
+  dashboard: () => import("./components/dashboard/dashboard"),
+};
 /** Only the screen that is asked for is loaded, while the login is being checked. */
 const loading = SCREENS[isKiosk ? "kiosk" : "dashboard"]();
 const Screen = lazy(() => loading);
@@ -15,18 +18,18 @@ const Screen = lazy(() => loading);
 export function App() {
   const auth = useStore((state) => state.auth);
 
-  if (auth.status === "checking") return <Wait />;
+  if (auth.status === "checking") return <Loading />;
   if (auth.status === "out") return <LoginPage problem={auth.problem} />;
   return (
     <Crash>
-      <Suspense fallback={<Wait />}>
-        <Screen key={keyOf(auth.me)} />
+      <Suspense fallback={<Loading />}>
+        <Screen key={identityOf(auth.me)} />
       </Suspense>
     </Crash>
   );
 }
 
-function Wait() {
+function Loading() {
   const { t } = useTranslation();
   return (
     <main className="centred" aria-busy="true">

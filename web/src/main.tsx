@@ -1,26 +1,16 @@
-/** Where the page begins. */
+/** The entry of the page. */
 import { createRoot } from "react-dom/client";
-import { begin } from "./acp/connection";
+import { signInOnLoad } from "./acp/connection/connection";
 import { App } from "./app";
-import "./i18n";
-import "./styles/tokens.css";
-import "./styles/base.css";
-import "./styles/layout.css";
-import "./styles/header.css";
-import "./styles/sessions.css";
-import "./styles/conversation.css";
-import "./styles/question.css";
-import "./styles/scene.css";
-import "./styles/scene-bar.css";
-import "./styles/camera.css";
-import "./styles/overlays.css";
-import "./styles/people.css";
+import { startPageLanguage } from "./i18n/page-language";
+import "./styles/main.css";
 
-// Before anything is drawn: the token must not wait in the address until a slow machine has drawn the page.
-void begin();
-// A login link that is opened in a tab where the page already is changes nothing but the fragment.
+startPageLanguage();
+// Before anything is drawn: the token must not stay in the address while a slow machine draws the page.
+void signInOnLoad();
+// A login link that is opened in a tab with this page changes only the fragment of the address.
 window.addEventListener("hashchange", () => {
-  if (window.location.hash.includes("token=")) void begin();
+  if (window.location.hash.includes("token=")) void signInOnLoad();
 });
 
 const root = document.getElementById("root");

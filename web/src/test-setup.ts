@@ -1,10 +1,11 @@
-/** What every test of a component needs: the texts, and a clean page after it. */
+/** What every test needs: the texts in English, and time limits that a busy machine keeps to. */
 import "./i18n";
-import { cleanup, configure } from "@testing-library/react";
-import { afterEach, vi } from "vitest";
+import { vi } from "vitest";
 
 // Every wait is for a condition; how long it takes says how busy the machine is.
-configure({ asyncUtilTimeout: 30_000 });
 vi.setConfig({ testTimeout: 60_000 });
 
-afterEach(cleanup);
+// Node 20 has no navigator; the format of numbers asks it for the reader's region.
+if (!Reflect.has(globalThis, "navigator")) {
+  Object.defineProperty(globalThis, "navigator", { value: { languages: ["en-US"] } });
+}

@@ -1,44 +1,48 @@
 /**
- * A notification of the browser for a question, while the page is not in front. The browser's own question, whether
- * this page may, is put only when a person has pressed a button for it.
+ * A notification of the browser for a question, while the page is not in front. The page asks the browser for the
+ * permission only when a person has pressed a button for it.
  */
 import { create } from "zustand";
 
-const TAG = "robot-acp/question/";
+/** Precedes the name of a question. A notification takes the place of one with the same tag, also of another tab. */
+const TAG_PREFIX = "robot-acp/question/";
 
-export type Allowance = "granted" | "denied" | "default" | "none";
+/** "none" where the browser has no notifications. */
+export type PermissionState = "granted" | "denied" | "default" | "none";
 
-function allowance(): Allowance {
+function currentPermission(): PermissionState {
   return "Notification" in window ? Notification.permission : "none";
 }
 
-/** What the browser lets this page do; "none" where it knows no notifications. */
-export const useAllowance = create<{ allowance: Allowance }>(() => ({ allowance: allowance() }));
+/** What the browser allows this page. */
+export const useNotificationPermission = create<{ permission: PermissionState }>(() => ({
+  permission: currentPermission(),
+}));
 
-/** Only from a button. */
-export async function askAllowance(): Promise<void> {
+/** To be called only from a button that a person has pressed. */
+export async function requestNotificationPermission(): Promise<void> {
   if ("Notification" in window) await Notification.requestPermission();
-  useAllowance.setState({ allowance: allowance() });
+  useNotificationPermission.setState({ permission: currentPermission() });
 }
 
 export function isInFront(): boolean {
   return document.visibilityState === "visible" && document.hasFocus();
 }
 
-/** Shows one, in the place of an earlier one of this name, also of another tab. Returns what takes it away. */
+/** Shows a notification, or nothing where that is not allowed. Returns a function that closes it. */
 export function notify(name: string, title: string, body: string, onClick: () => void): () => void {
-  if (allowance() !== "granted") return () => undefined;
+  if (currentPermission() !== "granted") return () => undefined;
   try {
-    const shown = new Notification(title, { body, tag: TAG + name, requireInteraction: true });
-    shown.onclick = () => {
+    const notification = new Notification(title, { body, tag: TAG_PREFIX + name, requireInteraction: true });
+    notification.onclick = () => {
       window.focus();
-      shown.close();
+      notification.close();
       onClick();
     };
-    return () => shown.close();
+    return () => notification.close();
   } catch {
-    // Browsers of phones let only a service worker show one.
-    useAllowance.setState({ allowance: "none" });
+    // Browsers of phones let only a service worker show notifications.
+    useNotificationPermission.setState({ permission: "none" });
     return () => undefined;
   }
 }

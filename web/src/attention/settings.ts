@@ -1,8 +1,7 @@
-/** How a question calls for a person in this browser: with a sound, with a notification. Remembered, and told to nobody. */
+/** How this browser calls a person to a question: with a sound, with a notification. Stored in the browser, sent nowhere. */
 import { create } from "zustand";
-import { isRecord } from "../acp/meta";
-
-const KEPT = "robot-acp/attention";
+import { readStored, STORAGE, writeStored } from "../browser-storage";
+import { isRecord } from "../wire/fields";
 
 export interface AttentionSettings {
   sound: boolean;
@@ -11,23 +10,24 @@ export interface AttentionSettings {
 
 const DEFAULTS: AttentionSettings = { sound: true, notify: true };
 
-function kept(): AttentionSettings {
+function storedSettings(): AttentionSettings {
+  const stored = parseJson(readStored(STORAGE.attention) ?? "{}");
+  if (!isRecord(stored)) return DEFAULTS;
+  return { sound: stored["sound"] !== false, notify: stored["notify"] !== false };
+}
+
+/** Anything can have been stored under our key, by hand or by an older page. */
+function parseJson(text: string): unknown {
   try {
-    const told: unknown = JSON.parse(window.localStorage.getItem(KEPT) ?? "{}");
-    if (!isRecord(told)) return DEFAULTS;
-    return { sound: told["sound"] !== false, notify: told["notify"] !== false };
+    return JSON.parse(text);
   } catch {
-    return DEFAULTS; // a browser may forbid it, and anybody may have written there
+    return null;
   }
 }
 
-export const useAttentionSettings = create<AttentionSettings>(kept);
+export const useAttentionSettings = create<AttentionSettings>(storedSettings);
 
-export function change(settings: Partial<AttentionSettings>): void {
+export function updateAttentionSettings(settings: Partial<AttentionSettings>): void {
   useAttentionSettings.setState(settings);
-  try {
-    window.localStorage.setItem(KEPT, JSON.stringify(useAttentionSettings.getState()));
-  } catch {
-    // Then it counts until the page is loaded again.
-  }
+  writeStored(STORAGE.attention, JSON.stringify(useAttentionSettings.getState()));
 }

@@ -1,49 +1,50 @@
 /** Calls a person to each new question: one sound, and a notification while it is open and the page is not in front. */
 import { useEffect, useRef } from "react";
 import { useTranslation } from "react-i18next";
-import { putFirst } from "../acp/questions";
-import { callWords } from "../i18n/known";
+import { moveQuestionFirst } from "../acp/sessions/questions";
+import { callText } from "../i18n/agent-terms";
 import { robotName, useStore } from "../state/store";
-import { Calls, nameOf } from "./fresh";
+import { AnnouncedQuestions, questionName } from "./announced-questions";
 import { isInFront, notify } from "./notification";
 import { useAttentionSettings } from "./settings";
-import { chime, tuneAtFirstGesture } from "./sound";
+import { chime, prepareAudioAtGesture } from "./sound";
 
+/** `onClick`: somebody clicked a notification, and its question is the first one now. */
 export function useAttention(onClick: () => void): void {
   const { t } = useTranslation();
   const questions = useStore((state) => state.questions);
   const robot = useStore(robotName);
-  const calls = useRef(new Calls());
-  /** What takes each notification away, by the name of its question. */
-  const shown = useRef(new Map<string, () => void>());
+  const announced = useRef(new AnnouncedQuestions());
+  /** Closes each open notification, by the name of its question. */
+  const notifications = useRef(new Map<string, () => void>());
 
-  useEffect(tuneAtFirstGesture, []);
+  useEffect(prepareAudioAtGesture, []);
   useEffect(() => {
-    const open = new Set(questions.map(nameOf));
-    for (const [name, close] of shown.current) {
+    const open = new Set(questions.map(questionName));
+    for (const [name, close] of notifications.current) {
       if (open.has(name)) continue;
       close();
-      shown.current.delete(name);
+      notifications.current.delete(name);
     }
     const settings = useAttentionSettings.getState();
-    if (calls.current.fresh(questions).length > 0 && settings.sound) chime();
+    if (announced.current.takeNew(questions).length > 0 && settings.sound) chime();
     if (!settings.notify || isInFront()) return;
     for (const question of questions) {
-      // One that comes again after a cut has none any more: whoever is away would never know of it.
-      const name = nameOf(question);
-      if (shown.current.has(name)) continue;
+      // Not only for new questions: a lost connection closed the notifications of those that come again.
+      const name = questionName(question);
+      if (notifications.current.has(name)) continue;
       const title = t("question.asks", { robot });
-      const come = (): void => {
-        putFirst(question);
+      const showQuestion = (): void => {
+        moveQuestionFirst(question);
         onClick();
       };
-      shown.current.set(name, notify(name, title, callWords(question), come));
+      notifications.current.set(name, notify(name, title, callText(question), showQuestion));
     }
   }, [questions, robot, t, onClick]);
   useEffect(() => {
-    const notifications = shown.current;
+    const open = notifications.current;
     return () => {
-      for (const close of notifications.values()) close();
+      for (const close of open.values()) close();
     };
   }, []);
 }

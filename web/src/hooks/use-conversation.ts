@@ -1,21 +1,21 @@
 /**
- * The conversation on the screen, for what draws all of it: at most once a frame, however many words come in that time.
- * While the page is not seen there are no frames, and nothing is drawn.
+ * The conversation on the screen, for components that draw all of it: updated at most once a frame, however many updates
+ * come in that time. A page that is not visible gets no frames, so nothing is drawn.
  */
 import { useSyncExternalStore } from "react";
-import type { Conversation } from "../state/conversation";
+import type { Conversation } from "../state/conversation/conversation";
 import { conversationOf, getState, useStore } from "../state/store";
 
 export function useConversation(): Conversation {
-  return useSyncExternalStore(eachFrame, () => conversationOf(getState()));
+  return useSyncExternalStore(onEachFrame, () => conversationOf(getState()));
 }
 
-function eachFrame(changed: () => void): () => void {
+function onEachFrame(onChange: () => void): () => void {
   let frame: number | null = null;
   const end = useStore.subscribe(() => {
     frame ??= requestAnimationFrame(() => {
       frame = null;
-      changed();
+      onChange();
     });
   });
   return () => {

@@ -1,29 +1,29 @@
 /**
- * When the page last came to the front, in ms of `performance.now()`: a click that raises its window is meant for the
- * window. Nothing is drawn for it.
+ * When the page last came to the front, in ms of `performance.now()`: a click that raises the window is not meant for what
+ * it hits. A change causes no render.
  */
 import { useEffect, useRef, type RefObject } from "react";
 import { isInFront } from "../attention/notification";
 
-/** The page's own frames take the focus, too, and then only looking tells when the window goes behind another one. */
-const LOOK_MS = 250;
+/** The map's frame takes the focus from the page without an event when it leaves, so the page also polls. */
+const POLL_MS = 250;
 
 export function useInFrontSince(): RefObject<number> {
   const since = useRef(0);
   useEffect(() => {
     since.current = performance.now();
     let behind = !isInFront();
-    const look = (): void => {
+    const check = (): void => {
       if (behind && isInFront()) since.current = performance.now();
       behind = !isInFront();
     };
-    const timer = setInterval(look, LOOK_MS);
-    for (const event of ["focus", "blur"]) window.addEventListener(event, look);
-    document.addEventListener("visibilitychange", look);
+    const timer = setInterval(check, POLL_MS);
+    for (const event of ["focus", "blur"]) window.addEventListener(event, check);
+    document.addEventListener("visibilitychange", check);
     return () => {
       clearInterval(timer);
-      for (const event of ["focus", "blur"]) window.removeEventListener(event, look);
-      document.removeEventListener("visibilitychange", look);
+      for (const event of ["focus", "blur"]) window.removeEventListener(event, check);
+      document.removeEventListener("visibilitychange", check);
     };
   }, []);
   return since;

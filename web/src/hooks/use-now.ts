@@ -1,4 +1,4 @@
-/** The time, for what counts down. */
+/** The time of this machine, in ms, for countdowns. */
 import { useEffect, useState } from "react";
 
 export function useNow(everyMs: number): number {

@@ -1,4 +1,4 @@
-/** Whether somebody can see the page: not while its tab is behind another one. */
+/** Whether the page is visible: not while its tab is behind another one. */
 import { useSyncExternalStore } from "react";
 
 function subscribe(changed: () => void): () => void {

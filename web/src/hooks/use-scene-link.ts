@@ -1,13 +1,14 @@
-/** The control socket of the scene, for components: opened with the map, ended with it. */
+/** The control socket of the scene, for components: open for as long as the map is. */
 import { useCallback, useEffect, useRef, useState } from "react";
-import { newViewer, SceneLink, type Picked, type ShownView, type View } from "../scene/scene-link";
+import { newViewerId, SceneLink } from "../scene/scene-link";
 import { useStore } from "../state/store";
+import type { PickedPoint, ShownView, View } from "../wire/scene";
 
-/** The one viewer that this page is, however often it connects. */
-export const VIEWER = newViewer();
+/** The name of this page as a viewer; the same for each of its connections. */
+export const VIEWER = newViewerId();
 
 export interface SceneControl {
-  /** Where the camera stands; null while nobody knows. */
+  /** Where the camera stands; null while the scene is not connected. */
   view: ShownView | null;
   show: (view: View) => void;
   pick: (on: boolean) => void;
@@ -15,7 +16,7 @@ export interface SceneControl {
 
 /** `onPicked` and `onRefused` have to stay the same functions. */
 export function useSceneLink(
-  onPicked: (picked: Picked) => void,
+  onPicked: (picked: PickedPoint) => void,
   onRefused: (sentence: string) => void,
 ): SceneControl {
   const link = useRef<SceneLink | null>(null);
@@ -31,7 +32,7 @@ export function useSceneLink(
     };
   }, [onPicked, onRefused]);
 
-  // A browser does not notice a cable that was pulled out.
+  // A browser does not notice that a network cable was pulled out.
   useEffect(() => {
     if (!reachable) link.current?.drop();
   }, [reachable]);

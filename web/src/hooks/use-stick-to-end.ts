@@ -1,6 +1,6 @@
 /**
- * Keeps a scrolled list at its end while it grows, until the reader scrolls up; then it leaves the reader alone. A list
- * that does not stick begins at its top.
+ * Keeps a scrolled list at its end while it grows, until the reader scrolls up. A list that does not stick to its end
+ * begins at its top.
  */
 import { useCallback, useEffect, useRef, useState, type RefObject } from "react";
 
@@ -16,7 +16,7 @@ export interface Stick {
 export function useStickToEnd(sticks = true): Stick {
   const box = useRef<HTMLDivElement>(null);
   const content = useRef<HTMLDivElement>(null);
-  /** Set by what the reader does; the effects below read it without drawing anew. */
+  /** Whether the list is at its end; a ref, because a change needs no render. */
   const stuck = useRef(sticks);
   const [atEnd, setAtEnd] = useState(true);
 
@@ -33,7 +33,7 @@ export function useStickToEnd(sticks = true): Stick {
     let lastTop = outer.scrollTop;
     const scrolled = (): void => {
       const near = outer.scrollHeight - outer.scrollTop - outer.clientHeight < NEAR_PX;
-      // Growing content also moves the end away; only a reader moves the list up.
+      // Growing content moves the end away, but only the reader scrolls up.
       if (near) stuck.current = sticks;
       else if (outer.scrollTop < lastTop) stuck.current = false;
       lastTop = outer.scrollTop;

@@ -1,4 +1,4 @@
-/** Numbers and times in words, in the language of the page. */
+/** Numbers and times as text, in the language of the page. */
 import i18next from "./index";
 
 /** The region is the reader's own: "en" alone would give everybody American times. */
@@ -8,7 +8,7 @@ function locale(): string {
 }
 
 function number(value: number, digits: number): string {
-  // Adding 0 turns -0 into 0: nobody drives at "-0.0 m/s".
+  // Adding 0 turns -0 into 0: no screen shows "-0.0 m/s".
   const rounded = Number(value.toFixed(digits)) + 0;
   return new Intl.NumberFormat(locale(), {
     minimumFractionDigits: digits,
@@ -30,7 +30,7 @@ export function seconds(value: number): string {
   return i18next.t("summary.seconds", { value: number(value, value < 10 ? 1 : 0) });
 }
 
-/** How long something will take: nobody needs the tenths of a guess. */
+/** A time that is an estimate, in whole seconds. */
 export function wholeSeconds(value: number): string {
   return i18next.t("summary.seconds", { value: number(Math.ceil(value), 0) });
 }
@@ -48,7 +48,7 @@ export function clock(unixSeconds: number): string {
   return new Intl.DateTimeFormat(locale(), { timeStyle: "medium" }).format(unixSeconds * 1000);
 }
 
-/** The time of today, else the day. */
+/** The time of day for a date of today, else the day. */
 export function when(date: Date, now: Date): string {
   const style: Intl.DateTimeFormatOptions =
     date.toDateString() === now.toDateString()

@@ -1,7 +1,7 @@
-/** The live map, small and only to look at, where the screen has room for it. */
+/** The live map, small and without controls, where the screen has room for it. */
 import { useSyncExternalStore } from "react";
 import { useTranslation } from "react-i18next";
-import { Scene } from "../components/scene";
+import { SceneFrame } from "../components/shared/scene-frame";
 import { robotName, useStore } from "../state/store";
 
 const ROOM = window.matchMedia("(min-width: 700px) and (min-height: 900px)");
@@ -19,7 +19,7 @@ export function KioskMap() {
   return (
     <figure className="kiosk-map">
       <div className="scene-view" inert>
-        <Scene />
+        <SceneFrame />
       </div>
       <figcaption>{t("kiosk.map", { robot })}</figcaption>
     </figure>

@@ -1,24 +1,24 @@
 /** The visitor's screen: a greeting with suggestions, then what was asked, what the robot does, and its answer. */
 import { useCallback, useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
-import { stopRobot } from "../acp/connection";
-import { ask, endVisit, startKiosk } from "../acp/visit";
-import { StopButton } from "../components/stop-button";
-import { firstLanguage, speak } from "../i18n";
+import { stopRobot } from "../acp/connection/connection";
+import { sendRequest, endVisit, startKiosk } from "../acp/screens/kiosk-visit";
+import { StopButton } from "../components/shared/stop-button";
 import { canPrompt } from "../state/rights";
 import { conversationOf, robotName, setState, useMe, useStore } from "../state/store";
-import { AskBar } from "./ask-bar";
-import { Answer } from "./answer";
+import { AskBar } from "./ask/ask-bar";
+import { Answer } from "./answer/answer";
 import { Greeting } from "./greeting";
 import { KioskMap } from "./kiosk-map";
-import "./kiosk.css";
+import "./styles.css";
 import { Notices } from "./notices";
 import { kioskSettings } from "./settings";
-import { StillThere } from "./still-there";
-import { Suggestions } from "./suggestion-list";
+import { StillThere } from "./idle/still-there";
+import { Suggestions } from "./ask/suggestion-list";
 import { TopLine } from "./top-line";
-import { useRest } from "./use-rest";
+import { useIdleTimer } from "./idle/use-idle-timer";
 import { isOutdated } from "./version";
+import { initialLanguage, setLanguage } from "../i18n/page-language";
 
 const SETTINGS = kioskSettings(window.location.search);
 
@@ -44,23 +44,23 @@ export default function Kiosk() {
     setText("");
     setFailed(false);
     setState({ stopError: null });
-    speak(firstLanguage());
+    setLanguage(initialLanguage());
   }, []);
-  const nobodyThere = useCallback(() => {
+  const startOverAlone = useCallback(() => {
     startOver();
     void isOutdated().then((outdated) => {
       if (outdated) window.location.reload();
     });
   }, [startOver]);
-  // Without a connection nobody knows what runs, and the visitor's words shall not stay for as long as it is gone.
-  const { endsAt, stay } = useRest(SETTINGS.restMs, running && online, nobodyThere);
-  const somethingToLose = visiting || text !== "" || i18n.language !== firstLanguage();
+  // A turn pauses the time, but not without a connection: then nobody knows whether it runs, and the visitor's words must not stay.
+  const { endsAt, stay } = useIdleTimer(SETTINGS.idleMs, running && online, startOverAlone);
+  const hasVisitor = visiting || text !== "" || i18n.language !== initialLanguage();
 
-  const want = (wish: string): void => {
+  const request = (words: string): void => {
     setText("");
     setFailed(false);
-    // A refusal of the prompt itself is part of the conversation; this is one of the session.
-    ask(wish, me.name).catch(() => setFailed(true));
+    // A refused prompt is part of the conversation; this is about a session that could not be begun.
+    sendRequest(words, me.name).catch(() => setFailed(true));
   };
 
   return (
@@ -77,13 +77,13 @@ export default function Kiosk() {
         </section>
         {canPrompt(me.role) ? (
           <section className="kiosk-ask" aria-label={t("kiosk.suggestions")} data-running={running}>
-            {!running && <Suggestions compact={visiting} onWish={want} />}
+            {!running && <Suggestions compact={visiting} onRequest={request} />}
             <AskBar
               text={text}
               onText={setText}
               running={running}
               voice={SETTINGS.voice}
-              onSend={() => want(text.trim())}
+              onSend={() => request(text.trim())}
             />
           </section>
         ) : (
@@ -95,7 +95,7 @@ export default function Kiosk() {
         <Notices onStopAgain={() => void stopRobot()} />
         <StopButton />
       </footer>
-      {endsAt !== null && somethingToLose && <StillThere endsAt={endsAt} onStay={stay} />}
+      {endsAt !== null && hasVisitor && <StillThere endsAt={endsAt} onStay={stay} />}
     </div>
   );
 }

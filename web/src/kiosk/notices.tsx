@@ -1,4 +1,4 @@
-/** Above Stop, as long as it holds: who stopped the robot and who releases it, or that Stop did not get through. */
+/** Above Stop: who stopped the robot and who releases it, for as long as it is stopped; or that Stop failed. */
 import { OctagonAlert, OctagonX } from "lucide-react";
 import { useTranslation } from "react-i18next";
 import { clock } from "../i18n/format";
@@ -9,7 +9,7 @@ export function Notices({ onStopAgain }: { onStopAgain: () => void }) {
   const me = useMe();
   const robot = useStore(robotName);
   const stop = useStore((state) => state.stop);
-  const heard = useStore((state) => state.heardUntil === null);
+  const heard = useStore((state) => state.silentSince === null);
   const failed = useStore((state) => state.stopError !== null);
   if (failed) {
     return (

@@ -1,9 +1,10 @@
 /** The robot's name, the way back to the greeting, and the languages. */
 import { RotateCcw } from "lucide-react";
 import { useTranslation } from "react-i18next";
-import { Mark } from "../components/mark";
-import { LANGUAGES, speak } from "../i18n";
+import { Mark } from "../components/shared/mark";
+import { LANGUAGES } from "../i18n";
 import { robotName, useMe, useStore } from "../state/store";
+import { setLanguage } from "../i18n/page-language";
 
 export function TopLine({ onStartOver }: { onStartOver: (() => void) | null }) {
   const { t } = useTranslation();
@@ -41,7 +42,7 @@ function LanguageSwitch() {
           lang={code}
           data-testid={`language-${code}`}
           aria-pressed={i18n.language === code}
-          onClick={() => speak(code)}
+          onClick={() => setLanguage(code)}
         >
           {name}
         </button>

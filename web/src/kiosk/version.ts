@@ -1,8 +1,8 @@
-/** Whether the server has another build of this page than the one that runs here. Asked while nobody is at the kiosk. */
+/** Checks whether the server has another build of this page than the one that runs. Called while nobody is at the kiosk. */
 
 const SCRIPT = /<script[^>]+type="module"[^>]+src="([^"]+)"/;
 
-/** False also when nothing answers: then there is nothing newer to load. */
+/** False also when the server does not answer: then there is nothing to load. */
 export async function isOutdated(): Promise<boolean> {
   const running = document.querySelector<HTMLScriptElement>("script[type=module][src]");
   if (running === null) return false;

@@ -1,21 +1,12 @@
 /** Whether this browser's dashboard shows the camera beside the map, remembered from one visit to the next. */
-
-const KEPT = "robot-acp/camera";
+import { readStored, STORAGE, writeStored } from "../browser-storage";
 
 /** Null while nobody has chosen. */
-export function keptCamera(): boolean | null {
-  try {
-    const kept = window.localStorage.getItem(KEPT);
-    return kept === null ? null : kept === "open";
-  } catch {
-    return null; // a browser may forbid it; then the screen's size decides
-  }
+export function storedCameraChoice(): boolean | null {
+  const stored = readStored(STORAGE.camera);
+  return stored === null ? null : stored === "open";
 }
 
-export function keepCamera(open: boolean): void {
-  try {
-    window.localStorage.setItem(KEPT, open ? "open" : "closed");
-  } catch {
-    // See above.
-  }
+export function storeCameraChoice(open: boolean): void {
+  writeStored(STORAGE.camera, open ? "open" : "closed");
 }

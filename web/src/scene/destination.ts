@@ -1,13 +1,14 @@
-/** Where "Go here" would send the robot, and the words that ask for it. Nothing here sends them. */
-import type { Picked } from "./scene-link";
+/** The destination of "Go here", and the prompt that asks for it. Nothing here sends the prompt. */
+import type { PickedPoint } from "../wire/scene";
 
+/** A place by its name, or a point in m in the map frame. */
 export type Destination = { place: string } | { x: number; y: number };
 
-export function destinationOf({ x, y, place }: Picked): Destination {
+export function destinationOf({ x, y, place }: PickedPoint): Destination {
   return place === null ? { x, y } : { place };
 }
 
-/** English whatever the page's language is: of another language the built-in commands know little, and every model knows it. */
+/** English whatever the page's language is: every model understands it, and the built-in commands know it best. */
 export function promptFor(destination: Destination): string {
   if ("place" in destination) return `Go to ${destination.place}`;
   return `Go to the point x ${metres(destination.x)}, y ${metres(destination.y)}`;

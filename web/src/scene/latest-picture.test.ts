@@ -27,34 +27,34 @@ beforeEach(() => {
 
 it("shows one after the other and gives the former back", () => {
   for (const name of ["a", "b", "c"]) {
-    pictures.take(picture(name));
-    pictures.settled();
+    pictures.receive(picture(name));
+    pictures.decoded();
   }
   expect(shown).toEqual(["a", "b", "c"]);
   expect([...live]).toEqual(["c"]);
 });
 
 it("keeps the former until the next is drawn", () => {
-  pictures.take(picture("a"));
-  pictures.settled();
-  pictures.take(picture("b"));
+  pictures.receive(picture("a"));
+  pictures.decoded();
+  pictures.receive(picture("b"));
   expect([...live]).toEqual(["a", "b"]);
 });
 
 it("leaves out what has become old while the browser was busy", () => {
-  for (const name of ["a", "b", "c", "d"]) pictures.take(picture(name));
+  for (const name of ["a", "b", "c", "d"]) pictures.receive(picture(name));
   expect(shown).toEqual(["a"]);
-  pictures.settled();
+  pictures.decoded();
   expect(shown).toEqual(["a", "d"]);
 });
 
 it("leaves nothing behind at the end", () => {
-  pictures.take(picture("a"));
-  pictures.settled();
-  pictures.take(picture("b"));
-  pictures.take(picture("c"));
+  pictures.receive(picture("a"));
+  pictures.decoded();
+  pictures.receive(picture("b"));
+  pictures.receive(picture("c"));
   pictures.clear();
-  pictures.settled();
+  pictures.decoded();
   expect([...live]).toEqual([]);
   expect(shown).toEqual(["a", "b", null]);
 });

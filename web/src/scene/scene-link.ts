@@ -1,66 +1,38 @@
 /**
- * The page's side of `WS /scene/<viewer>/control`: where this viewer's camera stands, and what it picks on the map.
- * The view that somebody chose is kept over lost connections. Nothing in here can make the robot do anything.
+ * The page's side of `WS /scene/<viewer>/control`: where this viewer's camera stands, and what is picked on the map.
+ * The view that somebody chose survives a lost connection. Nothing here can make the robot do anything.
  */
-import { asNumber, asString, isRecord } from "../acp/meta";
-import { KeptSocket } from "./kept-socket";
-
-export const VIEWS = ["follow", "top", "map"] as const;
-export type View = (typeof VIEWS)[number];
-/** "free": the viewer has moved the camera. */
-export type ShownView = View | "free";
-
-/** A point of the floor, in m in the map frame; with a name where a place is. */
-export interface Picked {
-  x: number;
-  y: number;
-  place: string | null;
-}
-
-export type Told = { view: ShownView } | { picked: Picked } | { error: string };
+import {
+  parseSceneMessage,
+  type PickedPoint,
+  type SceneMessage,
+  type ShownView,
+  type View,
+} from "../wire/scene";
+import { ReconnectingSocket } from "./reconnecting-socket";
 
 export interface SceneEvents {
-  /** Null while nobody knows. */
+  /** Null while the scene is not connected. */
   onView: (view: ShownView | null) => void;
-  onPicked: (picked: Picked) => void;
+  onPicked: (picked: PickedPoint) => void;
   onRefused: (sentence: string) => void;
 }
 
-/** Null for what is none of the messages that there are. */
-export function parseTold(data: unknown): Told | null {
-  const told = typeof data === "string" ? json(data) : null;
-  if (!isRecord(told)) return null;
-  const { view, picked, error } = told;
-  if (view === "free" || VIEWS.some((known) => known === view)) return { view: view as ShownView };
-  if (typeof error === "string") return { error };
-  if (!isRecord(picked)) return null;
-  const [x, y] = [asNumber(picked["x"]), asNumber(picked["y"])];
-  return x === null || y === null ? null : { picked: { x, y, place: asString(picked["place"]) } };
-}
-
-function json(text: string): unknown {
-  try {
-    return JSON.parse(text);
-  } catch {
-    return null;
-  }
-}
-
 export class SceneLink {
-  private readonly socket: KeptSocket;
-  /** What was chosen last, until the viewer moves the camera. */
-  private wanted: View | null = null;
+  private readonly socket: ReconnectingSocket;
+  /** The view that was chosen last; null once the camera was moved by hand. */
+  private chosenView: View | null = null;
   private picking = false;
-  /** Whether this connection has said where the camera stands; it does so before it has read what we want. */
-  private greeted = false;
+  /** Whether this connection has reported its first view, which it sends before it has read the chosen one. */
+  private firstViewReported = false;
 
   constructor(
     viewer: string,
     private readonly events: SceneEvents,
   ) {
-    this.socket = new KeptSocket(`/scene/${viewer}/control`, {
+    this.socket = new ReconnectingSocket(`/scene/${viewer}/control`, {
       onOpen: () => this.opened(),
-      onMessage: (data) => this.take(parseTold(data)),
+      onMessage: (data) => this.receive(parseSceneMessage(data)),
       onLost: () => events.onView(null),
     });
   }
@@ -74,7 +46,7 @@ export class SceneLink {
   }
 
   show(view: View): void {
-    this.wanted = view;
+    this.chosenView = view;
     this.socket.send({ view });
   }
 
@@ -84,27 +56,27 @@ export class SceneLink {
   }
 
   private opened(): void {
-    this.greeted = false;
-    if (this.wanted !== null) this.socket.send({ view: this.wanted });
+    this.firstViewReported = false;
+    if (this.chosenView !== null) this.socket.send({ view: this.chosenView });
     if (this.picking) this.socket.send({ pick: true });
   }
 
-  private take(told: Told | null): void {
-    if (told === null) return;
-    if ("picked" in told) {
-      if (this.picking) this.events.onPicked(told.picked);
-    } else if ("error" in told) {
-      this.events.onRefused(told.error);
+  private receive(message: SceneMessage | null): void {
+    if (message === null) return;
+    if ("picked" in message) {
+      if (this.picking) this.events.onPicked(message.picked);
+    } else if ("error" in message) {
+      this.events.onRefused(message.error);
     } else {
-      if (this.greeted) this.wanted = told.view === "free" ? null : told.view;
-      this.greeted = true;
-      this.events.onView(told.view);
+      if (this.firstViewReported) this.chosenView = message.view === "free" ? null : message.view;
+      this.firstViewReported = true;
+      this.events.onView(message.view);
     }
   }
 }
 
-/** A name for this page that no other one has. `crypto.randomUUID` is missing where the page comes over plain HTTP. */
-export function newViewer(): string {
+/** A UUID (RFC 9562, version 4) for this page. `crypto.randomUUID` is missing where the page comes over plain HTTP. */
+export function newViewerId(): string {
   const bytes = crypto.getRandomValues(new Uint8Array(16));
   bytes[6] = ((bytes[6] ?? 0) & 0x0f) | 0x40; // version 4: random
   bytes[8] = ((bytes[8] ?? 0) & 0x3f) | 0x80;

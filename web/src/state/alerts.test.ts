@@ -1,10 +1,10 @@
 /** What stands at the top of the screen: the gravest first, two at most unless more are grave, and nothing about a robot that nobody hears. */
 import { describe, expect, it } from "vitest";
-import { parseTelemetry, type Telemetry } from "../acp/telemetry";
-import { alerts, stillHidden, type Hidden } from "./alerts";
-import { INITIAL, type State } from "./store";
+import { parseTelemetry, type Telemetry } from "../wire/telemetry";
+import { alerts, keepHidden } from "./alerts";
+import { INITIAL, type State, type HiddenAlerts } from "./store";
 
-const NOTHING: Hidden = { halted: null, battery: null };
+const NOTHING: HiddenAlerts = { halted: null, battery: null };
 const HALTED = { code: "blocked", text: "Something came into the robot's way.", at: 7 };
 
 function robot(battery: object, more: object = {}): Telemetry {
@@ -61,10 +61,10 @@ describe("alerts", () => {
   it("stay hidden while nobody knows how the battery is, and come back once it had recovered", () => {
     const hidden = { halted: 7, battery: 0.18 };
     for (const unknown of [null, parseTelemetry({ online: false }), robot({ level: 0.18 })]) {
-      expect(stillHidden(hidden, unknown)).toBe(hidden);
+      expect(keepHidden(hidden, unknown)).toBe(hidden);
     }
-    expect(stillHidden(hidden, robot({ level: 0.18, charging: true }))).toEqual({ halted: 7, battery: null });
-    expect(stillHidden(hidden, robot({ level: 0.5 }))).toEqual({ halted: 7, battery: null });
+    expect(keepHidden(hidden, robot({ level: 0.18, charging: true }))).toEqual({ halted: 7, battery: null });
+    expect(keepHidden(hidden, robot({ level: 0.5 }))).toEqual({ halted: 7, battery: null });
   });
 
   it("come back when the battery falls below its floor", () => {
@@ -80,12 +80,12 @@ describe("alerts", () => {
   });
 
   it("say that nothing is heard of the robot, and why as far as anybody knows", () => {
-    expect(shown({ heardUntil: 7 })).toEqual(["silent"]);
-    expect(shown({ heardUntil: 7, reachable: false })).toEqual(["cut"]);
+    expect(shown({ silentSince: 7 })).toEqual(["silent"]);
+    expect(shown({ silentSince: 7, reachable: false })).toEqual(["cut"]);
     expect(shown({ telemetry: parseTelemetry({ online: false }), reachable: false })).toEqual(["cut"]);
     const down = { agent: { up: true, detail: "" }, robot: { up: false, detail: "" }, robotName: null };
     expect(shown({ health: down, reachable: false })).toEqual(["cut"]);
-    expect(shown({ health: down, heardUntil: 7 })).toEqual(["robot-lost"]);
+    expect(shown({ health: down, silentSince: 7 })).toEqual(["robot-lost"]);
     expect(shown({ telemetry: robot({ level: 0.9 }), reachable: false })).toEqual([]);
   });
 
@@ -97,6 +97,6 @@ describe("alerts", () => {
       "stopped",
     ]);
     expect(shown({ telemetry, stop: { by: "Ana", at: 1 } })).toEqual(["stopped", "battery"]);
-    expect(shown({ heardUntil: 7, stopError: "no", stop: { by: "Ana", at: 1 } })).toHaveLength(3);
+    expect(shown({ silentSince: 7, stopError: "no", stop: { by: "Ana", at: 1 } })).toHaveLength(3);
   });
 });

@@ -1,55 +1,48 @@
 /**
- * What has to be said at the top of the screen, and in which order: computed from all that is known, never stored.
- * Two at most, unless more are grave. What is cut off tells nothing of the robot, and what is hidden comes back when it is news again.
+ * Which alerts stand at the top of the screen, in which order: computed from the store, never stored. At most two, unless
+ * more are grave. A cut connection hides every alert about the robot, and a hidden alert comes back when it is news again.
  */
-import type { State } from "./store";
+import { isCutOff } from "../wire/link-state";
+import type { HiddenAlerts, State } from "./store";
 
 export type AlertKind = "stop-failed" | "stopped" | "cut" | "silent" | "robot-lost" | "halted" | "battery";
 
-/** What the person here has read and hidden. */
-export interface Hidden {
-  /** `at` of the halt; null when none was hidden. */
-  halted: number | null;
-  /** The level at which it was hidden; null when it was not. */
-  battery: number | null;
-}
-
-type Known = Pick<
+type AlertInputs = Pick<
   State,
-  "hidden" | "stopError" | "stop" | "link" | "reachable" | "heardUntil" | "health" | "telemetry"
+  "hidden" | "stopError" | "stop" | "link" | "reachable" | "silentSince" | "health" | "telemetry"
 >;
 
-const MOST = 2;
+const MAX_ALERTS = 2;
 const LOW_BATTERY = 0.2;
-/** A battery that has lost so much more is news. */
-const FURTHER = 0.05;
+/** A battery alert comes back when the level has fallen so much further. */
+const NEWS_STEP = 0.05;
 
-/** What stays hidden with what is known now: a battery that has recovered is news when it is low again. */
-export function stillHidden(hidden: Hidden, telemetry: State["telemetry"]): Hidden {
+/** The hidden alerts after new telemetry: a battery that has recovered is news when it is low again. */
+export function keepHidden(hidden: HiddenAlerts, telemetry: State["telemetry"]): HiddenAlerts {
   const recovered = telemetry?.online === true && !batteryIsLow(telemetry);
   return recovered && hidden.battery !== null ? { ...hidden, battery: null } : hidden;
 }
 
-export function alerts(state: Known): AlertKind[] {
+export function alerts(state: AlertInputs): AlertKind[] {
   const { hidden, stopError, stop, link, telemetry } = state;
   const found: AlertKind[] = [];
   if (stopError !== null) found.push("stop-failed");
   if (stop !== null) found.push("stopped");
-  if (link.status === "waiting" || (link.status === "connecting" && !link.first)) found.push("cut");
-  else if (link.status === "online") found.push(...lost(state));
+  if (isCutOff(link)) found.push("cut");
+  else if (link.status === "online") found.push(...silenceAlerts(state));
   const minor: AlertKind[] = [];
   const halted = telemetry?.halted ?? null;
-  // A stop matters more than what ended the motion before it.
+  // Once the robot is stopped, what ended its motion before matters no more.
   if (halted !== null && stop === null && halted.at !== hidden.halted) minor.push("halted");
   if (batteryIsLow(telemetry) && batteryIsNews(telemetry, hidden.battery)) minor.push("battery");
-  return [...found, ...minor.slice(0, Math.max(0, MOST - found.length))];
+  return [...found, ...minor.slice(0, Math.max(0, MAX_ALERTS - found.length))];
 }
 
-/** The line looks open. Telemetry that comes proves that it is, whatever a slow answer to another request seems to say. */
-function lost({ heardUntil, reachable, telemetry, health }: Known): AlertKind[] {
+/** The ACP connection is open. Telemetry that comes proves that the network works, even while an HTTP request goes unanswered. */
+function silenceAlerts({ silentSince, reachable, telemetry, health }: AlertInputs): AlertKind[] {
   if (!reachable && telemetry?.online !== true) return ["cut"];
   if (health?.robot.up === false || telemetry?.online === false) return ["robot-lost"];
-  return heardUntil === null ? [] : ["silent"];
+  return silentSince === null ? [] : ["silent"];
 }
 
 type Charge = Pick<NonNullable<State["telemetry"]>, "battery" | "batteryFloor" | "charging"> | null;
@@ -68,5 +61,5 @@ function batteryIsNews(charge: Charge, hiddenAt: number | null): boolean {
   const level = charge?.battery ?? 1;
   if (hiddenAt === null) return true;
   const crossed = isBelowFloor(charge) && hiddenAt >= (charge?.batteryFloor ?? 0);
-  return crossed || level <= hiddenAt - FURTHER;
+  return crossed || level <= hiddenAt - NEWS_STEP;
 }

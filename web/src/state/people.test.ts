@@ -1,7 +1,7 @@
 /** Who is named first, and what a confirmation says before the robot is taken over. */
 import { describe, expect, it } from "vitest";
-import { parsePeople, type Person } from "../acp/people";
-import { arranged, consequences, waitingSession } from "./people";
+import { parsePeople, type Person } from "../wire/people";
+import { sortPeople, takeOverConsequences, waitingSession } from "./people";
 
 const person = (name: string, role: Person["role"]): Person => ({ name, role, connections: 1, sessions: [] });
 const SUE = { name: "Sue", role: "supervisor" } as const;
@@ -38,8 +38,8 @@ describe("the list", () => {
     person("Kiosk", "visitor"),
     person("Sue", "supervisor"),
   ];
-  const names = (turn: Parameters<typeof arranged>[1]): string[] =>
-    arranged(people, turn, SUE).map(({ name }) => name);
+  const names = (turn: Parameters<typeof sortPeople>[1]): string[] =>
+    sortPeople(people, turn, SUE).map(({ name }) => name);
 
   it("has staff before visitors", () => {
     expect(names(null)).toEqual(["Sue", "Ana", "Ben", "Kiosk", "Vic"]);
@@ -48,7 +48,7 @@ describe("the list", () => {
   it("has whoever has the robot first, and then those who wait for it", () => {
     const turn = { sessionId: "k", by: "Kiosk", waiting: [BEN] };
     expect(names(turn)).toEqual(["Kiosk", "Ben", "Sue", "Ana", "Vic"]);
-    expect(arranged(people, turn, SUE).map(({ holding }) => holding)).toEqual([
+    expect(sortPeople(people, turn, SUE).map(({ holding }) => holding)).toEqual([
       "has",
       "waits",
       null,
@@ -59,7 +59,7 @@ describe("the list", () => {
 
   it("knows who reads it, who is not somebody else of that name", () => {
     const both = [person("Sue", "visitor"), person("Sue", "supervisor")];
-    expect(arranged(both, null, SUE).map(({ role, you }) => [role, you])).toEqual([
+    expect(sortPeople(both, null, SUE).map(({ role, you }) => [role, you])).toEqual([
       ["supervisor", true],
       ["visitor", false],
     ]);
@@ -68,7 +68,7 @@ describe("the list", () => {
 
 describe("taking over", () => {
   it("lets the robot wait when nobody else does", () => {
-    expect(consequences(HELD, true, "Sue", null)).toEqual({
+    expect(takeOverConsequences(HELD, true, "Sue", null)).toEqual({
       ends: "endsDrive",
       holder: "Ana",
       then: "thenWaits",
@@ -77,20 +77,20 @@ describe("taking over", () => {
   });
 
   it("ends whatever it is that the other asked for", () => {
-    expect(consequences(HELD, false, "Sue", null).ends).toBe("endsRequest");
-    expect(consequences({ ...HELD, by: "Sue" }, true, "Sue", null).ends).toBe("endsOwn");
+    expect(takeOverConsequences(HELD, false, "Sue", null).ends).toBe("endsRequest");
+    expect(takeOverConsequences({ ...HELD, by: "Sue" }, true, "Sue", null).ends).toBe("endsOwn");
   });
 
   it("says that somebody else is next, where nobody here waits", () => {
-    const told = consequences({ ...HELD, waiting: [BEN, OWN] }, true, "Sue", null);
+    const told = takeOverConsequences({ ...HELD, waiting: [BEN, OWN] }, true, "Sue", null);
     expect([told.then, told.next]).toEqual(["thenTheirs", "Ben"]);
   });
 
   it("puts the session first for which it is done", () => {
     const line = { ...HELD, waiting: [BEN, OWN] };
-    expect(consequences(line, true, "Sue", "s3").then).toBe("thenYours");
-    expect(consequences(line, true, "Sue", "s2").then).toBe("thenTheirs");
-    expect(consequences(HELD, true, "Sue", "s3").then).toBe("thenYours");
+    expect(takeOverConsequences(line, true, "Sue", "s3").then).toBe("thenYours");
+    expect(takeOverConsequences(line, true, "Sue", "s2").then).toBe("thenTheirs");
+    expect(takeOverConsequences(HELD, true, "Sue", "s3").then).toBe("thenYours");
   });
 
   it("is for the session of one's own that waits", () => {

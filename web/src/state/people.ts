@@ -1,31 +1,32 @@
-/** Who is here, in the order in which people are looked for, and what taking the robot over would do. Pure. */
-import type { Person } from "../acp/people";
-import type { Claim, Telemetry } from "../acp/telemetry";
-import type { Role } from "../api/http";
+/** The people who are connected, in the order of the list on the screen, and what a take-over would do. Pure. */
+import type { Person } from "../wire/people";
+import type { Claim, Telemetry } from "../wire/telemetry";
+import type { Role } from "../wire/bridge";
 
+/** Whether a person controls the robot or waits for it; null for neither. */
 export type Holding = "has" | "waits" | null;
 
-export interface Listed extends Person {
+export interface ListedPerson extends Person {
   you: boolean;
   holding: Holding;
 }
 
 const RANK: Record<Role, number> = { supervisor: 0, operator: 1, visitor: 2, viewer: 3 };
 
-/** Whoever has the robot, those who wait for it, then staff before visitors, by name. */
-export function arranged(
+/** First whoever controls the robot, then those who wait for it, then the others; staff before visitors, by name. */
+export function sortPeople(
   people: readonly Person[],
   turn: Telemetry["turn"],
   me: { name: string; role: Role },
-): Listed[] {
+): ListedPerson[] {
   const listed = people.map((person) => ({
     ...person,
     you: person.name === me.name && person.role === me.role,
     holding: holdingOf(person.name, turn),
   }));
-  const place = ({ holding, role }: Listed): number =>
+  const rank = ({ holding, role }: ListedPerson): number =>
     (holding === "has" ? 0 : holding === "waits" ? 10 : 20) + RANK[role];
-  return listed.sort((a, b) => place(a) - place(b) || a.name.localeCompare(b.name));
+  return listed.sort((a, b) => rank(a) - rank(b) || a.name.localeCompare(b.name));
 }
 
 function holdingOf(name: string, turn: Telemetry["turn"]): Holding {
@@ -33,17 +34,17 @@ function holdingOf(name: string, turn: Telemetry["turn"]): Holding {
   return turn?.waiting?.some(({ by }) => by === name) === true ? "waits" : null;
 }
 
-/** What becomes of the robot when it is taken over: the texts that say what ends and what follows, and their names. */
+/** What a take-over ends and what follows it: the keys of the texts that say so, and the names in them. */
 export interface Consequences {
   ends: "endsDrive" | "endsRequest" | "endsOwn";
   holder: string;
-  /** It waits for a request, or begins with one that waits already. */
+  /** The robot waits for a request, or begins with one that waits already. */
   then: "thenWaits" | "thenYours" | "thenTheirs";
   next: string | null;
 }
 
-/** `waiting` is the session that is to have the robot, if it is taken over for one. */
-export function consequences(
+/** `waiting` is the session that the robot is taken over for; null for none. */
+export function takeOverConsequences(
   turn: NonNullable<Telemetry["turn"]>,
   driving: boolean,
   me: string,
@@ -51,7 +52,7 @@ export function consequences(
 ): Consequences {
   const line = turn.waiting ?? [];
   const known = waiting === null ? line[0] : line.find(({ sessionId }) => sessionId === waiting);
-  // The line may not have been told yet; whoever waits here is then taken for the one who reads this.
+  // Telemetry may not list the session yet; then it is one of the person who takes over.
   const next = known?.by ?? (waiting === null ? null : me);
   return {
     ends: turn.by === me ? "endsOwn" : driving ? "endsDrive" : "endsRequest",
@@ -61,7 +62,7 @@ export function consequences(
   };
 }
 
-/** The session of this person that waits for the robot; null when none does. */
+/** This person's first session that waits for the robot; null when none does. */
 export function waitingSession(line: readonly Claim[] | undefined, me: string): string | null {
   return line?.find(({ by }) => by === me)?.sessionId ?? null;
 }

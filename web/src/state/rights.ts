@@ -1,5 +1,5 @@
-/** What the role of the person here lets the page offer. The agent and the bridge decide; this only hides what they would refuse. */
-import type { Role } from "../api/http";
+import type { Role } from "../wire/bridge";
+/** What the page offers to each role. The agent and the bridge decide; the page only hides what they would refuse. */
 
 const CAN_PROMPT: readonly Role[] = ["visitor", "operator", "supervisor"];
 const CAN_APPROVE: readonly Role[] = ["operator", "supervisor"];

@@ -1,13 +1,15 @@
-/** The robot's speed, battery and link over the last five minutes, for the plots: a ring of fixed size. */
+/** The robot's speed and battery and the link's latency over the last five minutes, for the plots. */
 
+/** The time that the plots show. */
 export const SPAN_S = 300;
-export const EVERY_MS = 500;
-const CAPACITY = (SPAN_S * 1000) / EVERY_MS;
+/** Between two samples. */
+export const SAMPLE_MS = 500;
+const CAPACITY = (SPAN_S * 1000) / SAMPLE_MS;
 
 export const QUANTITIES = ["speed", "battery", "link"] as const;
 export type Quantity = (typeof QUANTITIES)[number];
 
-/** Null is a gap: nobody knew. */
+/** m/s, percent and ms; null where the value is not known. */
 export type Values = Record<Quantity, number | null>;
 
 export interface Series {
@@ -16,11 +18,12 @@ export interface Series {
   values: (number | null)[];
 }
 
-/** A ring: the newest sample takes the place of the oldest. */
+/** A ring buffer: the newest sample takes the place of the oldest. */
 export class Samples {
   private readonly at: Float64Array;
   private readonly values: Record<Quantity, Float64Array>;
-  private made = 0;
+  /** How many samples were ever added. */
+  private count = 0;
 
   constructor(private readonly capacity: number = CAPACITY) {
     const empty = (): Float64Array => new Float64Array(capacity);
@@ -29,19 +32,19 @@ export class Samples {
   }
 
   add(at: number, values: Values): void {
-    const place = this.made++ % this.capacity;
-    this.at[place] = at;
-    for (const quantity of QUANTITIES) this.values[quantity][place] = values[quantity] ?? NaN;
+    const slot = this.count++ % this.capacity;
+    this.at[slot] = at;
+    for (const quantity of QUANTITIES) this.values[quantity][slot] = values[quantity] ?? NaN;
   }
 
-  /** What is not older than `since`, oldest first. */
+  /** The samples that are not older than `since`, in Unix seconds, oldest first. */
   series(quantity: Quantity, since: number): Series {
     const series: Series = { at: [], values: [] };
-    for (let index = Math.max(0, this.made - this.capacity); index < this.made; index++) {
-      const place = index % this.capacity;
-      const at = this.at[place] ?? 0;
+    for (let index = Math.max(0, this.count - this.capacity); index < this.count; index++) {
+      const slot = index % this.capacity;
+      const at = this.at[slot] ?? 0;
       if (at < since) continue;
-      const value = this.values[quantity][place] ?? NaN;
+      const value = this.values[quantity][slot] ?? NaN;
       series.at.push(at);
       series.values.push(Number.isNaN(value) ? null : value);
     }
@@ -49,6 +52,7 @@ export class Samples {
   }
 }
 
+/** The latest, the lowest and the highest value; null where none is known. */
 export interface Range {
   now: number | null;
   least: number | null;

@@ -1,8 +1,9 @@
 /** What the list says of a session, what a search finds in it, and how it is read again. */
 import type { SessionInfo } from "@agentclientprotocol/sdk";
 import { describe, expect, it } from "vitest";
-import { EMPTY } from "./conversation";
-import { matches, mayDelete, refreshed, worksIn } from "./session-list";
+import { EMPTY } from "./conversation/conversation";
+import { matchesSearch, mayDelete, mergeFirstPage, isWorking } from "./session-list";
+import { META } from "../wire/meta";
 
 const session = (sessionId: string, rest: Partial<SessionInfo> = {}): SessionInfo => ({
   sessionId,
@@ -10,24 +11,24 @@ const session = (sessionId: string, rest: Partial<SessionInfo> = {}): SessionInf
   ...rest,
 });
 const owned = (owner: string, title = "To lab 2"): SessionInfo =>
-  session("s1", { title, _meta: { "robot-acp/owner": owner } });
+  session("s1", { title, _meta: { [META.owner]: owner } });
 
 describe("a session works", () => {
-  const running = session("s1", { _meta: { "robot-acp/turn": { id: "t", state: "running" } } });
+  const running = session("s1", { _meta: { [META.turn]: { id: "t", state: "running" } } });
 
   it("when the list says so and nobody here watches it", () => {
-    expect(worksIn(running, undefined, null)).toBe(true);
-    expect(worksIn(session("s1"), undefined, null)).toBe(false);
+    expect(isWorking(running, undefined, null)).toBe(true);
+    expect(isWorking(session("s1"), undefined, null)).toBe(false);
   });
 
   it("when its turn has not ended before the eyes of this page, whatever an older list says", () => {
-    expect(worksIn(running, EMPTY, null)).toBe(false);
-    expect(worksIn(session("s1"), { ...EMPTY, turn: { id: "t", cancelling: false } }, null)).toBe(true);
+    expect(isWorking(running, EMPTY, null)).toBe(false);
+    expect(isWorking(session("s1"), { ...EMPTY, turn: { id: "t", cancelling: false } }, null)).toBe(true);
   });
 
   it("when it has the robot", () => {
-    expect(worksIn(session("s1"), undefined, "s1")).toBe(true);
-    expect(worksIn(session("s1"), undefined, "s2")).toBe(false);
+    expect(isWorking(session("s1"), undefined, "s1")).toBe(true);
+    expect(isWorking(session("s1"), undefined, "s2")).toBe(false);
   });
 });
 
@@ -54,12 +55,12 @@ describe("a search", () => {
     ["lab 3", false],
     ["%", false],
   ])("for %j finds the session: %s", (words, found) => {
-    expect(matches(owned("Ana"), words)).toBe(found);
+    expect(matchesSearch(owned("Ana"), words)).toBe(found);
   });
 
   it("finds a session without a title by its owner, and without either not at all", () => {
-    expect(matches(session("s1", { _meta: { "robot-acp/owner": "Ana" } }), "ana")).toBe(true);
-    expect(matches(session("s1"), "ana")).toBe(false);
+    expect(matchesSearch(session("s1", { _meta: { [META.owner]: "Ana" } }), "ana")).toBe(true);
+    expect(matchesSearch(session("s1"), "ana")).toBe(false);
   });
 });
 
@@ -70,19 +71,19 @@ describe("a first page that is read again", () => {
 
   it("keeps the older ones below it", () => {
     const known = [at("d", 4), at("c", 3), at("b", 2), at("a", 1)];
-    expect(ids(refreshed(known, [at("e", 5), at("d", 4)]))).toEqual(["e", "d", "c", "b", "a"]);
+    expect(ids(mergeFirstPage(known, [at("e", 5), at("d", 4)]))).toEqual(["e", "d", "c", "b", "a"]);
   });
 
   it("lets go of what is missing from it", () => {
-    expect(ids(refreshed([at("d", 4), at("c", 3), at("a", 1)], [at("d", 4), at("b", 2)]))).toEqual([
+    expect(ids(mergeFirstPage([at("d", 4), at("c", 3), at("a", 1)], [at("d", 4), at("b", 2)]))).toEqual([
       "d",
       "b",
       "a",
     ]);
-    expect(refreshed([at("a", 1)], [])).toEqual([]);
+    expect(mergeFirstPage([at("a", 1)], [])).toEqual([]);
   });
 
   it("has each session once", () => {
-    expect(ids(refreshed([at("a", 1), at("b", 2)], [at("a", 5), at("b", 2)]))).toEqual(["a", "b"]);
+    expect(ids(mergeFirstPage([at("a", 1), at("b", 2)], [at("a", 5), at("b", 2)]))).toEqual(["a", "b"]);
   });
 });

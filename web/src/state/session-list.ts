@@ -1,16 +1,14 @@
-/** What the list of sessions says of each, what a search finds, and how a fresh first page meets the older ones. Pure. */
+/** The list of sessions: what it says of each, what a search finds, and how its first page is read again. Pure. */
 import type { SessionInfo } from "@agentclientprotocol/sdk";
-import { asString, turnOf } from "../acp/meta";
-import type { Role } from "../api/http";
-import type { Conversation } from "./conversation";
+import { ownerOf, turnOf } from "../wire/meta";
+import type { Conversation } from "./conversation/conversation";
+import type { Role } from "../wire/bridge";
 
-/** Whose session it is; null when the agent does not say. */
-export function ownerOf(session: SessionInfo): string | null {
-  return asString(session._meta?.["robot-acp/owner"]);
-}
-
-/** Whether a turn runs in it. What is watched is known at every moment; the list is as old as its last reading. */
-export function worksIn(
+/**
+ * Whether a turn runs in the session. A conversation that this page watches is up to date; the list is as old as its last
+ * reading. `holder` is the session that controls the robot.
+ */
+export function isWorking(
   session: SessionInfo,
   watched: Conversation | undefined,
   holder: string | null,
@@ -19,22 +17,23 @@ export function worksIn(
   return watched === undefined ? turnOf(session._meta)?.state === "running" : watched.turn !== null;
 }
 
-/** Whether this person may remove it: an own session, or anyone's for a supervisor. */
+/** Whether this person may delete the session: everybody their own, a supervisor any. */
 export function mayDelete(session: SessionInfo, me: { name: string; role: Role }): boolean {
-  const owner = ownerOf(session);
+  const owner = ownerOf(session._meta);
   return owner === null || owner === me.name || me.role === "supervisor";
 }
 
-export const wordsOf = (search: string): string[] => search.toLocaleLowerCase().split(/\s+/).filter(Boolean);
+export const searchWords = (search: string): string[] =>
+  search.toLocaleLowerCase().split(/\s+/).filter(Boolean);
 
 /** As the agent searches: each word is in the title or in the owner's name. */
-export function matches(session: SessionInfo, search: string): boolean {
-  const places = [session.title ?? "", ownerOf(session) ?? ""].map((text) => text.toLocaleLowerCase());
-  return wordsOf(search).every((word) => places.some((text) => text.includes(word)));
+export function matchesSearch(session: SessionInfo, search: string): boolean {
+  const places = [session.title ?? "", ownerOf(session._meta) ?? ""].map((text) => text.toLocaleLowerCase());
+  return searchWords(search).every((word) => places.some((text) => text.includes(word)));
 }
 
-/** A first page that was read again, with the older sessions that had been read below it. */
-export function refreshed(known: readonly SessionInfo[], page: readonly SessionInfo[]): SessionInfo[] {
+/** The first page, which has just been read again, with the older sessions that had been loaded below it. */
+export function mergeFirstPage(known: readonly SessionInfo[], page: readonly SessionInfo[]): SessionInfo[] {
   const ids = new Set(page.map(({ sessionId }) => sessionId));
   const last = page.at(-1);
   if (last === undefined) return [];

@@ -1,50 +1,59 @@
 /**
- * All that the page knows, in one place. Only `acp/` and `api/` actions write to it; components read.
- * A conversation that is being replayed stays in `drafts` until it is complete, so that the screen never flashes empty.
+ * All that the page knows, in one place. `acp/` writes what comes from the bridge, components only what a person hides
+ * or dismisses. A conversation that is being replayed stays in `drafts` until it is complete, so that the screen never
+ * flashes empty.
  */
 import type { PermissionOption, RequestPermissionResponse, SessionInfo } from "@agentclientprotocol/sdk";
 import { create } from "zustand";
-import type { Abilities } from "../acp/abilities";
-import type { LinkState } from "../acp/link";
-import type { Preview } from "../acp/meta";
-import type { Person } from "../acp/people";
-import type { Stop, Telemetry } from "../acp/telemetry";
-import type { Health, Me } from "../api/http";
-import type { Hidden } from "./alerts";
-import { EMPTY, type Conversation } from "./conversation";
+import type { Abilities } from "../wire/abilities";
+import type { Preview } from "../wire/meta";
+import type { Person } from "../wire/people";
+import type { Stop, Telemetry } from "../wire/telemetry";
+import { EMPTY, type Conversation } from "./conversation/conversation";
+import type { LinkState } from "../wire/link-state";
+import type { Health, Me } from "../wire/bridge";
 
-/** Somebody has to decide. Kept until it is answered, withdrawn or decided by somebody else. */
+/** A permission request of the agent. Kept until it is answered, withdrawn or decided by somebody else. */
 export interface Question {
   key: string;
   sessionId: string;
   toolCallId: string;
-  /** The tool's own name, where the agent tells it. */
+  /** The tool's own name; null where the agent does not send it. */
   tool: string | null;
   title: string;
+  /** Who asked for what the call does. */
   asker: string | null;
   /** What an answer for the whole session would count for, in words. */
   subject: string | null;
   /** The arguments of the call. */
   input: unknown;
-  /** What it would do, where the robot has computed that. */
+  /** What the call would do; null where the robot has not computed it. */
   preview: Preview | null;
   options: PermissionOption[];
   /** Milliseconds of this machine's clock; null when there is no time limit. */
   expiresAt: number | null;
-  /** How long it was open to answers in all, in s. */
+  /** How long the question is open to answers in all, in s. */
   timeoutS: number | null;
   answer: (response: RequestPermissionResponse) => void;
 }
 
 export interface Toast {
   id: number;
-  tone: "info" | "danger";
+  tone: "info" | "warning";
   text: string;
-  /** Of a sentence that is not the page's. */
+  /** The language of a sentence that is not the page's own. */
   lang: string | undefined;
 }
 
-/** Why nobody is in. */
+/** The alerts that the person here has read and hidden. */
+export interface HiddenAlerts {
+  /** `at` of the halt; null when none was hidden. */
+  halted: number | null;
+  /** The level at which it was hidden; null when it was not. */
+  battery: number | null;
+}
+
+/** Why nobody is logged in. */
 export type LoginProblem = "none" | "invalid" | "expired" | "unreachable";
 
 export type Auth =
@@ -53,48 +62,55 @@ export type Auth =
 export interface State {
   auth: Auth;
   link: LinkState;
-  /** Null until the first answer. `reachable` is false while nothing answers over HTTP. */
+  /** Null until the first answer. */
   health: Health | null;
+  /** False while the bridge does not answer over HTTP. */
   reachable: boolean;
+  /** The last round trip to the bridge over HTTP, in ms; null while nothing answers. */
   latencyMs: number | null;
   /** Server clock minus this machine's, in ms. */
   clockOffsetMs: number;
+  /** Whether the agent can delete sessions. */
   canDelete: boolean;
 
   sessions: SessionInfo[];
-  /** Where the next page of sessions begins; null when all are here. */
+  /** The cursor of the next page of sessions; null when all are loaded. */
   moreSessions: string | null;
+  /** False until the agent has listed its sessions. */
   sessionsKnown: boolean;
-  /** The answer to the last search; `more` is where its next page begins. Null while nothing is looked for. */
+  /** The answer to the last search; `more` is the cursor of its next page. Null while there is no search. */
   found: { words: string; sessions: SessionInfo[]; more: string | null } | null;
-  /** Who is connected; null where nobody tells. */
+  /** Who is connected; null where the agent does not say. */
   people: Person[] | null;
 
+  /** The session on the screen. */
   currentId: string | null;
   /** True from choosing a session until it can be used. */
   opening: boolean;
   conversations: Record<string, Conversation>;
+  /** Conversations that are being replayed. */
   drafts: Record<string, Conversation>;
   /** Sessions whose updates this connection receives. */
   attached: ReadonlySet<string>;
 
   questions: Question[];
-  /** What the robot can do, where a screen asked for that; null until it is known. */
+  /** What the robot can do; null until a screen has asked for it. */
   abilities: Abilities | null;
   telemetry: Telemetry | null;
   /**
-   * Up to when the robot was heard, in Unix seconds by the agent's clock: its telemetry has ceased, or the connection is
-   * lost. Null while it is heard, and where nobody tells of it.
+   * Since when nothing has come from the robot, in Unix seconds by the agent's clock: its telemetry has stopped, or the
+   * connection is lost. Null while telemetry comes, and with an agent that sends none.
    */
-  heardUntil: number | null;
-  /** What Stop and Release answered over HTTP, until telemetry knows better. */
+  silentSince: number | null;
+  /** The stop that holds, as Stop and Release answered over HTTP, until newer telemetry comes. */
   stop: Stop | null;
+  /** True while Stop waits for its answer. */
   stopBusy: boolean;
-  /** Why Stop did not get through, as the server says it; empty where it says nothing. Shown loudly. */
+  /** Why Stop failed, in the server's words; empty where it gave none, null where Stop did not fail. Shown loudly. */
   stopError: string | null;
   toasts: Toast[];
-  /** Alerts that the person here has read. */
-  hidden: Hidden;
+  /** Alerts that the person here has hidden. */
+  hidden: HiddenAlerts;
 }
 
 export const INITIAL: State = {
@@ -118,7 +134,7 @@ export const INITIAL: State = {
   questions: [],
   abilities: null,
   telemetry: null,
-  heardUntil: null,
+  silentSince: null,
   stop: null,
   stopBusy: false,
   stopError: null,
@@ -141,15 +157,17 @@ export function useMe(): Me {
   return auth.me;
 }
 
-/** The robot's name, from whoever knows it. */
+/** The robot's name: from the login, else from telemetry, else from the bridge. */
 export function robotName(state: State): string {
   if (state.auth.status === "in" && state.auth.me.robot !== "") return state.auth.me.robot;
   return state.telemetry?.robot ?? state.health?.robotName ?? "Robot";
 }
 
-let toasts = 0;
+/** Counts toasts, for their ids. */
+let toastCount = 0;
 
+/** Shows a short notice; the oldest of more than three goes. `lang` is the language of a sentence that is not the page's. */
 export function toast(tone: Toast["tone"], text: string, lang?: string): void {
-  const id = ++toasts;
+  const id = ++toastCount;
   setState((state) => ({ toasts: [...state.toasts.slice(-2), { id, tone, text, lang }] }));
 }

@@ -1,0 +1,84 @@
+/** Who comes after somebody else finds nothing of theirs. */
+import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { setComposerText, useComposerText } from "../../components/conversation/composer-text";
+import { EMPTY } from "../../state/conversation/conversation";
+import { getState, INITIAL, setState } from "../../state/store";
+import { endConnection, logIn, logOut, startConnection } from "./connection";
+import { Link } from "./link";
+
+const ended = vi.fn();
+
+/** What the server answers from now on. */
+function answers(name: string | null, role = "supervisor"): void {
+  const me = { name, role, robot: "Sancho" };
+  vi.stubGlobal("fetch", () =>
+    Promise.resolve(Response.json(name === null ? {} : me, { status: name === null ? 401 : 200 })),
+  );
+}
+
+beforeEach(async () => {
+  setState(INITIAL);
+  answers("Ana");
+  await logIn("Ana's");
+  vi.spyOn(Link.prototype, "start").mockImplementation(() => undefined);
+  vi.spyOn(Link.prototype, "end").mockImplementation(ended);
+  ended.mockClear();
+  startConnection({ onOpen: () => Promise.resolve(), onQuestion: () => new Promise(() => undefined) });
+  setState({
+    stopError: "Stop did not get through.",
+    hidden: { halted: 5, battery: null },
+    conversations: { s1: EMPTY },
+  });
+  setComposerText("Go to the");
+});
+
+afterEach(() => endConnection());
+
+it("keeps everything for the same person with another link", async () => {
+  await logIn("another of Ana's");
+  expect(getState()).toMatchObject({ stopError: "Stop did not get through.", hidden: { halted: 5 } });
+  expect(useComposerText.getState().text).toBe("Go to the");
+  expect(ended).not.toHaveBeenCalled();
+});
+
+it("is a page as if loaded anew for somebody else, on a connection of their own", async () => {
+  answers("Ben");
+  await logIn("Ben's");
+  expect(ended).toHaveBeenCalledOnce();
+  expect(getState()).toEqual({
+    ...INITIAL,
+    auth: { status: "in", me: { name: "Ben", role: "supervisor", robot: "Sancho" } },
+  });
+  expect(useComposerText.getState().text).toBe("");
+});
+
+it("is the same for the same name in another role, which the old connection does not have", async () => {
+  answers("Ana", "viewer");
+  await logIn("Ana's for looking");
+  expect(ended).toHaveBeenCalledOnce();
+  expect(getState()).toMatchObject({ auth: { me: { role: "viewer" } }, conversations: {}, stopError: null });
+});
+
+it("is the same for somebody who logs in after a link that did not count", async () => {
+  answers(null);
+  await logIn("nobody's");
+  expect(getState()).toEqual({ ...INITIAL, auth: { status: "out", problem: "invalid" } });
+  answers("Ben");
+  await logIn("Ben's");
+  expect(getState()).toMatchObject({ conversations: {}, hidden: { halted: null } });
+  expect(useComposerText.getState().text).toBe("");
+});
+
+it("gives back what somebody was writing when they come back themselves", async () => {
+  await logOut();
+  answers("Ana");
+  await logIn("Ana's");
+  expect(useComposerText.getState().text).toBe("Go to the");
+});
+
+it("notices somebody who has logged in in another tab", async () => {
+  answers("Ben");
+  window.dispatchEvent(new Event("online"));
+  await vi.waitFor(() => expect(getState().auth).toMatchObject({ me: { name: "Ben" } }));
+  expect(getState()).toMatchObject({ conversations: {}, stopError: null, hidden: { halted: null } });
+});

@@ -1,0 +1,20 @@
+/** The conversation, and below it the pending question and the field to write in. */
+import { useTranslation } from "react-i18next";
+import { useStore } from "../../state/store";
+import { Composer } from "./composer";
+import { ConversationLog } from "./conversation-log";
+import { QuestionDock } from "../questions/question-card";
+
+export function TalkPane({ hidden }: { hidden: boolean }) {
+  const { t } = useTranslation();
+  const sessionId = useStore((state) => state.currentId);
+  return (
+    <section className="pane talk" aria-label={t("talk.title")} hidden={hidden}>
+      <ConversationLog key={sessionId ?? "none"} />
+      <div className="talk-foot">
+        <QuestionDock />
+        <Composer />
+      </div>
+    </section>
+  );
+}

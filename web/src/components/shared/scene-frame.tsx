@@ -1,0 +1,94 @@
+/** The frame with the live map, as soon as the bridge serves it. */
+import { MapPinOff } from "lucide-react";
+import { useEffect, useRef, useState, type RefObject } from "react";
+import { useTranslation } from "react-i18next";
+import { robotName, useStore } from "../../state/store";
+
+const ASK_AGAIN_MS = 5000;
+
+/** `viewer`: the name with which this page moves the camera and picks; without one the map has no controls. */
+export function SceneFrame({ viewer }: { viewer?: string }) {
+  const { t } = useTranslation();
+  const robot = useStore(robotName);
+  const address = viewer === undefined ? "/scene/" : `/scene/${viewer}/`;
+  const frame = useRef<HTMLIFrameElement>(null);
+  const available = useSceneAvailable(address, frame);
+  if (available === true) return <iframe ref={frame} src={address} title={t("scene.frame", { robot })} />;
+  return (
+    <div className="scene-none">
+      {available === false && (
+        <>
+          <MapPinOff aria-hidden />
+          <p>{t("scene.unavailable")}</p>
+          <p className="muted small">{t("scene.unavailableHint")}</p>
+        </>
+      )}
+    </div>
+  );
+}
+
+/**
+ * Whether the bridge serves the map; asked until it does, and again after a lost connection. Null until the first answer.
+ * The conversation comes first: a page that has just been opened asks once it has tried to reach the agent.
+ */
+function useSceneAvailable(address: string, frame: RefObject<HTMLIFrameElement | null>): boolean | null {
+  const [available, setAvailable] = useState<boolean | null>(null);
+  const isDue = useStore(({ reachable, link }) => {
+    const opens = link.status === "off" || (link.status === "connecting" && link.first);
+    return reachable && !opens;
+  });
+  useEffect(() => {
+    if (available === true || !isDue) return;
+    let ended = false;
+    const ask = async (): Promise<void> => {
+      const answer = await answers(address);
+      if (!ended) setAvailable(answer);
+    };
+    void ask();
+    const timer = setInterval(() => void ask(), ASK_AGAIN_MS);
+    return () => {
+      ended = true;
+      clearInterval(timer);
+    };
+  }, [address, available, isDue]);
+  useEffect(
+    () =>
+      onReconnected(() => {
+        void answers(address).then((answer) => {
+          // The same frame, so that the keyboard's focus stays in it.
+          if (answer && frame.current !== null) frame.current.src = address;
+          setAvailable(answer);
+        });
+      }),
+    [address, frame],
+  );
+  return available;
+}
+
+async function answers(address: string): Promise<boolean> {
+  const answer = await fetch(address, { credentials: "same-origin" }).catch(() => null);
+  const type = answer?.headers.get("Content-Type") ?? "";
+  await answer?.body?.cancel().catch(() => undefined);
+  return answer?.ok === true && type.startsWith("text/html");
+}
+
+/**
+ * Calls back when the network was lost and is back: the map's page keeps a connection that is dead without having been
+ * closed, as the one is that fell silent and was given up. One slow answer is no loss, and neither is an agent that
+ * restarts. Returns a function that ends it.
+ */
+function onReconnected(onReconnect: () => void): () => void {
+  let wasLost = false;
+  let wasSilent = false;
+  return useStore.subscribe(({ link, reachable, silentSince }) => {
+    if (link.status !== "online") {
+      wasLost ||= wasSilent || !reachable;
+      return;
+    }
+    wasSilent = silentSince !== null;
+    if (wasLost) {
+      wasLost = false;
+      onReconnect();
+    }
+  });
+}
