@@ -248,9 +248,9 @@ def _http_page(robot: list[BaseRoute], web: list[BaseRoute]) -> str:
         _paths(robot, ROBOT_PATHS),
         "## The bridge",
         "Its address is `http://127.0.0.1:8080` by default. Every path but the login, the logout, the health, the "
-        "redirects and the files of the web app needs a login: the cookie that `POST /api/login` sets, or the header `Authorization: Bearer` with a "
-        "login token. A WebSocket may offer the token as the subprotocol `bearer.TOKEN` instead. All other paths are "
-        "files of the web app.",
+        "redirects and the files of the web app needs a login: the cookie that `POST /api/login` sets, or the header "
+        "`Authorization: Bearer` with a login token. A WebSocket may offer the token as the subprotocol "
+        "`bearer.TOKEN` instead. All other paths are files of the web app.",
         _paths(web, BRIDGE_PATHS),
     ]
     return _joined(parts)

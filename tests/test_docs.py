@@ -98,6 +98,12 @@ def test_every_page_is_in_the_index_and_in_the_menu_of_the_site() -> None:
     assert {page for page in menu if not page.startswith("source/")} == {"index.md"} | pages
 
 
+def test_the_example_of_the_simulator_runs_as_it_is_written() -> None:
+    examples = re.findall(r"^```python\n(.*?)^```$", (DOCS / "simulator.md").read_text(), re.M | re.S)
+    assert len(examples) == 1
+    exec(examples[0], {})  # noqa: S102 - a page of ours
+
+
 def test_the_reference_pages_are_what_the_code_is() -> None:
     written = {page.name: page.read_text() for page in reference.FOLDER.glob("*.md")}
     assert written == reference.pages(), "run `python -m scripts.reference`"
