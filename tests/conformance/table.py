@@ -18,14 +18,14 @@ from tests.conformance.channels import TRANSPORTS
 DOCUMENT = Path(__file__).parents[2] / "docs/conformance.md"
 MODULES = ("test_connection", "test_sessions", "test_turns")
 
-_HEAD = """# Conformance
+_HEAD = """# ACP conformance
 
-Made by `python -m tests.conformance.table` from the cases in `tests/conformance/`; a test fails when it is out of
-date.
+For people who want to know which operations of ACP the agent has, and which test shows each of them. This page is
+written by `python -m tests.conformance.table` from the cases in `tests/conformance/`; a test fails when the two differ.
 
 Each case drives the real agent, with the real robot server under it, once on each transport. Every frame in both
-directions is validated against the JSON schema that `@agentclientprotocol/sdk` ships, and a case that does not show on
-the wire what it says here fails. Methods that begin with `_` are extensions ([extensions.md](extensions.md));
+directions is validated against the JSON schema of `@agentclientprotocol/sdk`. A case fails when the wire does not show
+the operation that the case names here. Methods that begin with `_` are extensions ([extensions.md](extensions.md)).
 `session/set_model` has left the protocol and stays for older clients.
 
 | operation | case | transports |
