@@ -92,8 +92,8 @@ async def _serve_client(
     wiring: Wiring, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, *, local: bool
 ) -> None:
     connection = ClientConnection(reader, writer, local, wiring.settings.agent.max_outbox_bytes)
-    server = Operations(wiring, connection)
-    serving = asyncio.create_task(connection.serve(server.router()), name=f"client {connection.id}")
+    operations = Operations(wiring, connection)
+    serving = asyncio.create_task(connection.serve(operations.router()), name=f"client {connection.id}")
     watching = asyncio.create_task(_dismiss_when_login_ends(wiring.tokens, connection))
     try:
         await asyncio.wait({serving, watching}, return_when=asyncio.FIRST_COMPLETED)
@@ -101,7 +101,7 @@ async def _serve_client(
         serving.cancel()
         watching.cancel()
         await asyncio.gather(serving, watching, return_exceptions=True)  # the SDK has logged what went wrong
-        server.left()
+        operations.close()
         if connection.initialized:  # anything else was a probe
             log.info("client %s (%s) left", connection.id, connection.name)
 
