@@ -106,9 +106,9 @@ class Dispatcher:
         self._running.append(request)
         then: Callable[[], None] | None = None
         try:
-            answer = await self._router(str(frame.method), frame.body.get("params") or {}, False)
+            answer: object = await self._router(str(frame.method), frame.body.get("params") or {}, False)
             if isinstance(answer, AnswerThen):
-                answer, then = answer.answer, answer.then
+                then, answer = answer.then, answer.answer
             reply = _frame(frame.id, "result", _plain(answer))
         except asyncio.CancelledError:
             if not request.cancelled_by_client:
