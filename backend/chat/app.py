@@ -23,7 +23,7 @@ from rich.console import Console
 from rich.text import Text
 
 from backend import meta as keys
-from backend.chat import pipe
+from backend.chat import plain_input
 from backend.chat.link import Link, LinkError, RefusedError, open_link
 from backend.chat.status import METHOD, SUBSCRIPTION, Status
 from backend.chat.view import Line, Style, View
@@ -310,7 +310,7 @@ class Chat:
 
     async def _plain_lines(self) -> AsyncIterator[str]:
         """Lines of a pipe: each is read when the one before has been done, and a stop as it comes."""
-        async for line in pipe.lines(self._stop_at_once):
+        async for line in plain_input.lines(self._stop_at_once):
             yield line
             await self._free.wait()
 

@@ -1,29 +1,32 @@
-"""The lines of a standard input that is no terminal, without ever keeping the process from ending."""
+"""The lines of a standard input that is no terminal: for scripts, pipes and tests."""
 
 from __future__ import annotations
 
 import asyncio
-import os
-import threading
 from collections.abc import AsyncIterator, Callable
+
+from backend.stdio import stdin
 
 
 async def lines(at_once: Callable[[str], bool]) -> AsyncIterator[str]:
-    """Each line in its turn, until the input ends, but for those that `at_once` takes as they come."""
-    loop = asyncio.get_running_loop()
-    read_so_far: asyncio.Queue[str | None] = asyncio.Queue()
+    """Each line when it is asked for, until the input ends.
 
-    def take(line: str) -> None:
-        if not at_once(line):
-            read_so_far.put_nowait(line)
+    `at_once` is called with each line as soon as it arrives. The lines for which it returns true are done with that.
+    """
+    waiting: asyncio.Queue[str | None] = asyncio.Queue()
 
-    def read() -> None:
-        # Below Python's own buffer, whose lock would keep the process from ending while this waits.
-        with os.fdopen(os.dup(0), "rb", buffering=0) as stdin:
-            for line in stdin:
-                loop.call_soon_threadsafe(take, line.decode("utf-8", "replace"))
-        loop.call_soon_threadsafe(read_so_far.put_nowait, None)
+    async def read() -> None:
+        async with stdin() as reader:
+            async for raw in reader:
+                line = raw.decode("utf-8", "replace")
+                if not at_once(line):
+                    waiting.put_nowait(line)
+        waiting.put_nowait(None)
 
-    threading.Thread(target=read, name="stdin", daemon=True).start()
-    while (line := await read_so_far.get()) is not None:
-        yield line
+    reading = asyncio.create_task(read(), name="stdin")
+    try:
+        while (line := await waiting.get()) is not None:
+            yield line
+    finally:
+        reading.cancel()
+        await asyncio.gather(reading, return_exceptions=True)
