@@ -64,7 +64,7 @@ class Status:
     """The values of that message whose change is worth a new line."""
 
     def apply(self, params: dict[str, Any]) -> bool:
-        """Apply one message. True when it is worth a new line: more has changed than the pose, the speed and the like."""
+        """Apply one message. True when it is worth a new line: more has changed than pose, speed and the like."""
         try:
             telemetry = msgspec.convert(params, Telemetry)
         except msgspec.ValidationError:

@@ -56,7 +56,7 @@ class Extensions:
                 return self._take_over(rights.authorized(Right.TAKE_OVER).name, params)
             if name == "robot/leave":
                 session_id = str(params.get("sessionId"))
-                # Finding it takes a load's time: a leave must not overtake the load that was sent before it.
+                # Waits behind a load of the same session that is still reading the database.
                 await wiring.sessions.get(session_id, rights.known())
                 self._leave(session_id)
                 return {}
