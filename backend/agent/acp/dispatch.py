@@ -134,7 +134,7 @@ def _frame(request_id: wire.RequestId, kind: str, content: object) -> bytes:
 
 
 def _error_for_strangers(error: Exception, method: str) -> RequestError:
-    """The error that a client may see. Of an exception that nobody expected it sees a reference into the log."""
+    """The error that a client may see. For an unexpected exception it contains only a reference into the log."""
     if isinstance(error, RequestError):
         if error.code == wire.METHOD_NOT_FOUND:
             return RequestError(error.code, f"There is no method {method[:80]}.")

@@ -1,7 +1,7 @@
 """The messages that wait to be sent to one client: one ordered queue, and beside it the newest frame of each method
 whose frames are of use only while they are new.
 
-Nobody who puts a frame in waits for the client. How much may wait is for the owner to decide.
+Putting a frame in never waits for the client. The connection that owns the outbox limits how much may wait in it.
 """
 
 from __future__ import annotations
