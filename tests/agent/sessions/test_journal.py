@@ -88,7 +88,7 @@ class Watcher:
     def deliver(self, frame: bytes) -> None:
         self.shown.append(orjson.loads(frame)["params"]["_meta"]["robot-acp/seq"])
 
-    async def room(self) -> None:
+    async def wait_for_space(self) -> None:
         pass
 
 
