@@ -9,8 +9,6 @@ import socket
 from collections.abc import AsyncIterator
 from ipaddress import ip_address
 
-from acp.stdio import stdio_streams
-
 from backend import identity, wire
 from backend.agent.acp.connection import ClientConnection
 from backend.agent.acp.operations import Operations
@@ -31,15 +29,16 @@ from backend.agent.wiring import Wiring
 from backend.config import ConfigError, Settings
 from backend.descriptors import raise_limit
 from backend.sockets import notice_loss
+from backend.stdio import stdin, stdout
 from backend.tokens import Registry
 
 log = logging.getLogger(__name__)
 
 _STREAM_LIMIT = wire.MAX_FRAME_BYTES + 1
 _SILENCE_S, _PROBE_S = 15, 5
-"""A client whose machine is gone must not count as somebody who is there."""
+"""How long a silent client counts as connected, and how often it is probed, in seconds: its machine may be gone."""
 _DESCRIPTORS_KEPT = 128
-"""For everything but the bridge's clients: clients of other kinds, the database, MCP servers, telemetry."""
+"""File descriptors for everything but the bridge's clients: other clients, the database, MCP servers, telemetry."""
 _ROBOT_ABSENT = "The robot server does not answer. Start it with `robot-acp robot`, then try again."
 
 
@@ -65,7 +64,7 @@ async def _serve_tcp(wiring: Wiring) -> None:
             plug = writer.get_extra_info("socket")
             plug.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             notice_loss(plug, _SILENCE_S, _PROBE_S)
-            with contextlib.suppress(asyncio.CancelledError):  # our own end; asyncio would log it as an error
+            with contextlib.suppress(asyncio.CancelledError):  # the agent ends; asyncio would log it as an error
                 await _serve_client(wiring, reader, writer, local=_is_loopback(writer))
         finally:
             clients.discard(task)
@@ -76,7 +75,8 @@ async def _serve_tcp(wiring: Wiring) -> None:
         await asyncio.Event().wait()
     finally:
         server.close()
-        # Turns first, so that the robot stands before people lose sight of it; clients are not waited for.
+        # Turns first: people see the robot come to rest before they are disconnected. `wait_closed` of the server would
+        # wait until the clients have left by themselves.
         await wiring.sessions.close()
         for task in list(clients):
             task.cancel()
@@ -84,25 +84,27 @@ async def _serve_tcp(wiring: Wiring) -> None:
 
 
 async def _serve_stdio(wiring: Wiring) -> None:
-    reader, writer = await stdio_streams(limit=_STREAM_LIMIT)
-    await _serve_client(wiring, reader, writer, local=True)
+    async with stdin(_STREAM_LIMIT) as reader, stdout() as writer:
+        await _serve_client(wiring, reader, writer, local=True)
 
 
 async def _serve_client(
     wiring: Wiring, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, *, local: bool
 ) -> None:
     connection = ClientConnection(reader, writer, local, wiring.settings.agent.max_outbox_bytes)
-    server = Operations(wiring, connection)
-    serving = asyncio.create_task(connection.serve(server.router()), name=f"client {connection.id}")
+    operations = Operations(wiring, connection)
+    serving = asyncio.create_task(connection.serve(operations.router()), name=f"client {connection.id}")
     watching = asyncio.create_task(_dismiss_when_login_ends(wiring.tokens, connection))
     try:
         await asyncio.wait({serving, watching}, return_when=asyncio.FIRST_COMPLETED)
     finally:
         serving.cancel()
         watching.cancel()
-        await asyncio.gather(serving, watching, return_exceptions=True)  # the SDK has logged what went wrong
-        server.left()
-        if connection.initialized:  # anything else was a probe
+        for outcome in await asyncio.gather(serving, watching, return_exceptions=True):
+            if isinstance(outcome, Exception):
+                log.error("the connection of client %s failed", connection.id, exc_info=outcome)
+        operations.close()
+        if connection.initialized:  # else it was no ACP client
             log.info("client %s (%s) left", connection.id, connection.name)
 
 
@@ -114,7 +116,7 @@ async def _dismiss_when_login_ends(tokens: Registry, connection: ClientConnectio
 
 @contextlib.asynccontextmanager
 async def _wiring(settings: Settings) -> AsyncIterator[Wiring]:
-    """Everything that connections share, running; ended in the reverse order."""
+    """Start everything that the connections share; at the end, stop it in the reverse order. Raises `ConfigError`."""
     agent = settings.agent
     if agent.default_mode not in MODE_IDS:
         raise ConfigError(f"agent.default_mode: there is no mode {agent.default_mode!r}.")
@@ -123,7 +125,7 @@ async def _wiring(settings: Settings) -> AsyncIterator[Wiring]:
         offers = AllowList(agent.mcp_allow)
     except ValueError as error:
         raise ConfigError(str(error)) from None
-    # Our robot server has a secret, a telemetry stream and a stop path. Another MCP server gets none of our secrets.
+    # Our robot server has a secret, a telemetry stream and a stop path. No other MCP server receives our secrets.
     ours = agent.robot_url is None
     bearer = identity.shared_secret(settings.data_dir, identity.ROBOT_TOKEN).decode() if ours else None
     headers = {"Authorization": f"Bearer {bearer}"} if bearer else None

@@ -1,4 +1,4 @@
-"""What the connections of one agent share: settings, sessions, the robot's tools and state, what turns work with."""
+"""The parts of one agent that its connections share. Only `server` makes one; nothing is decided here."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ from backend.tokens import Registry
 
 @dataclass(frozen=True)
 class Wiring:
-    """One agent. `models` are the names that people may choose, the default first; `offers`
-    judges the MCP servers that clients bring."""
+    """One agent. `models` are the names of the models that people may choose, the default first. `offers` decides which
+    MCP servers a client may bring. `link` carries the robot's state, its stop and its release.
+    """
 
     settings: Settings
     tokens: Registry

@@ -1,7 +1,7 @@
 """`robot-acp chat`: type to the robot, see what it thinks and does, answer its questions, Ctrl-C to cancel.
 
 Reads the terminal, or plain lines where stdin is none. With `--json` each event is one line of JSON, for programs; with
-`--telemetry` the robot's state is below the prompt, or a line when it changes. It must never be a way around ACP.
+`--telemetry` the robot's state is below the prompt, or a line when it changes. It must never use anything but ACP.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from rich.console import Console
 from rich.text import Text
 
 from backend import meta as keys
-from backend.chat import pipe
+from backend.chat import plain_input
 from backend.chat.link import Link, LinkError, RefusedError, open_link
 from backend.chat.status import METHOD, SUBSCRIPTION, Status
 from backend.chat.view import Line, Style, View
@@ -39,9 +39,9 @@ _STYLES: dict[Style, str] = {
     "note": "dim",
 }
 _UNSAFE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
-"""Control characters: a text from elsewhere must not draw on the screen of somebody who is about to say yes."""
-_TRIP_SECONDS = 5.0
-"""How often the way to the agent and back is timed, and after how long without an answer there is none."""
+"""Control characters: with them a text from elsewhere could change the question that a person is about to answer."""
+_PING_SECONDS = 5.0
+"""How often the round trip to the agent is timed, and how long an answer may take."""
 _ANSWERS = {"y": "allow_once", "n": "reject_once", "a": "allow_always", "v": "reject_always"}
 _HELP = (
     "Type what the robot shall do. /stop stops it at once, /release lets it move again, Ctrl-C cancels, Ctrl-D leaves."
@@ -57,7 +57,7 @@ async def run(
     as_json: bool = False,
     telemetry: bool = False,
 ) -> int:
-    """Chat until the end of input, or until the connection is lost; the exit status is 1 then."""
+    """Chat until the input ends; the exit status is 1 when the connection could not be made or was lost."""
     where = address or f"tcp://{settings.agent.host}:{settings.agent.port}"
     chat = Chat(as_json, Status() if telemetry else None)
     try:
@@ -81,17 +81,18 @@ class Chat:
         self._session = ""
         self._questions: dict[Any, dict[str, Any]] = {}
         self._turn: asyncio.Task[None] | None = None
-        self._free = asyncio.Event()
-        """Set while a line of input has a meaning: between turns, and while a question is open."""
-        self._free.set()
-        self._replies: set[asyncio.Task[None]] = set()
+        self._ready_for_input = asyncio.Event()
+        """Set while the next line of a pipe may be read: between turns, and while a question is open."""
+        self._ready_for_input.set()
+        self._background: set[asyncio.Task[None]] = set()
+        """Messages to the agent that nobody waits for."""
         self._commands: set[asyncio.Task[None]] = set()
-        """A stop and a release that are under way; nobody leaves before they are told."""
+        """Stops and releases without an answer yet; the chat does not end before their answers are shown."""
         self._redraw: Callable[[], None] = lambda: None
 
     async def connect(self, address: str, token: str | None, session: str | None) -> None:
         """Connect and open a session: a new one, the one of this id, or the newest for `last`."""
-        self._link = await open_link(address, token, self._take)
+        self._link = await open_link(address, token, self._receive)
         about = {
             "protocolVersion": 1,
             "clientCapabilities": {"_meta": SUBSCRIPTION} if self._status else {},
@@ -99,9 +100,9 @@ class Chat:
         }
         if token and address.startswith("tcp:"):
             about["_meta"] = {keys.TOKEN: token}  # over WebSocket it went with the handshake
-        hello = await self._link.request("initialize", about)
-        mine = hello.get("agentCapabilities", {}).get("_meta", {}).get(keys.CAPABILITIES, {})
-        self._view.robot = mine.get("robot", "The robot")
+        initialized = await self._link.request("initialize", about)
+        extensions = initialized.get("agentCapabilities", {}).get("_meta", {}).get(keys.CAPABILITIES, {})
+        self._view.robot = extensions.get("robot", "The robot")
         if session == "last":
             listed = (await self._link.request("session/list", {}))["sessions"]
             session = listed[0]["sessionId"] if listed else None
@@ -114,10 +115,10 @@ class Chat:
             [Line("note", f"{self._view.robot} is listening. {_HELP}"), Line("note", f"Session {self._session}")]
         )
         if self._status:
-            self._later(self._time_the_link(self._link, self._status))
+            self._in_background(self._time_round_trips(self._link, self._status))
 
     async def talk(self) -> int:
-        """Read and do until the input ends."""
+        """Carry out the input until it ends, or the connection is lost; the exit status is 1 then."""
         assert self._link is not None  # noqa: S101 - `connect` comes first
         lines = asyncio.create_task(self._read_all())
         waiting: list[asyncio.Future[Any]] = [lines, self._link.closed]
@@ -135,32 +136,32 @@ class Chat:
         """Disconnect."""
         if self._link is not None:
             await self._link.close()
-        for task in [*self._replies, *self._commands, *([self._turn] if self._turn else [])]:
+        for task in [*self._background, *self._commands, *([self._turn] if self._turn else [])]:
             task.cancel()
             await asyncio.gather(task, return_exceptions=True)
 
     # From the agent
 
-    def _take(self, message: dict[str, Any]) -> None:
+    def _receive(self, message: dict[str, Any]) -> None:
         method, params = message["method"], message.get("params") or {}
         if self._as_json:
             print(orjson.dumps(message).decode(), flush=True)
         if method == "session/update" and params.get("sessionId") == self._session:
-            self._show(self._view.take(params["update"]))
+            self._show(self._view.apply(params["update"]))
         elif method == "session/update" and not self._session:
-            self._show(self._view.take(params["update"]))  # the replay of a session that is being opened
+            self._show(self._view.apply(params["update"]))  # the replay of a session that is being opened
         elif method == METHOD and self._status:
-            if self._status.take(params) and not sys.stdin.isatty():
+            if self._status.apply(params) and not sys.stdin.isatty():
                 self._show([Line("note", self._status.line)])
         elif method == "session/request_permission":
             self._questions[message["id"]] = params
-            self._free.set()
+            self._ready_for_input.set()
             self._show([*self._view.flush(), Line("problem", self._question_text(params))])
         elif method == "$/cancel_request":
             if self._questions.pop(params.get("requestId"), None):
                 self._show([Line("note", "This question has been settled.")])
         elif "id" in message and self._link is not None:
-            self._later(self._link.refuse(message["id"]))
+            self._in_background(self._link.refuse(message["id"]))
         self._redraw()
 
     def _question_text(self, params: dict[str, Any]) -> str:
@@ -171,15 +172,15 @@ class Chat:
             f"{self._view.robot} asks: {title}{limit}\n  y allow · n don't · a always in this session · v never in it"
         )
 
-    async def _time_the_link(self, link: Link, status: Status) -> None:
-        with contextlib.suppress(LinkError):  # `talk` tells it
+    async def _time_round_trips(self, link: Link, status: Status) -> None:
+        with contextlib.suppress(LinkError):  # `talk` reports the lost connection
             while True:
                 try:
-                    async with asyncio.timeout(_TRIP_SECONDS):
-                        status.trip = await link.round_trip()
+                    async with asyncio.timeout(_PING_SECONDS):
+                        status.round_trip = await link.round_trip()
                 except TimeoutError:
-                    status.trip = None
-                await asyncio.sleep(_TRIP_SECONDS)
+                    status.round_trip = None
+                await asyncio.sleep(_PING_SECONDS)
 
     # From the person
 
@@ -187,28 +188,28 @@ class Chat:
         if not sys.stdin.isatty():
             asyncio.get_running_loop().add_signal_handler(signal.SIGINT, self._on_sigint, asyncio.current_task())
         async for line in self._terminal() if sys.stdin.isatty() else self._plain_lines():
-            if not await self._obey(line.strip()):
+            if not await self._run_line(line.strip()):
                 break
         else:
             if self._turn is not None:
-                await self._turn  # the input has ended; what was asked for is still done
+                await self._turn  # the input has ended; the turn that it began still runs to its end
         await asyncio.gather(*self._commands)
 
     def _on_sigint(self, reading: asyncio.Task[None] | None) -> None:
         """Ctrl-C without a terminal: cancel the turn, or leave when none runs."""
         if self._turn is not None and not self._turn.done():
-            self._later(self._interrupt())
+            self._in_background(self._interrupt())
         elif reading is not None:
             reading.cancel()
 
-    async def _obey(self, line: str) -> bool:
-        """Do what a line says; false to leave."""
+    async def _run_line(self, line: str) -> bool:
+        """Carry out a line; false when it asks to leave."""
         command = line.lower()
         if command in ("/quit", "/exit"):
             return False
         if not line:
             return True
-        # A command is never an answer: a stop waits for nothing, and an open question is no reason.
+        # Commands come before answers: an open question must not delay a stop.
         if command in ("/stop", "/release"):
             self._command(f"_robot{command}")
         elif command in ("/cancel", "/help"):
@@ -218,7 +219,7 @@ class Chat:
         elif self._turn is not None and not self._turn.done():
             self._show([Line("note", "The robot is still busy. /stop stops it at once, Ctrl-C cancels.")])
         else:
-            self._free.clear()
+            self._ready_for_input.clear()
             self._turn = asyncio.create_task(self._prompt(line))
         return True
 
@@ -230,7 +231,7 @@ class Chat:
         request_id = next(iter(self._questions))
         del self._questions[request_id]
         if self._turn is not None and not self._turn.done() and not self._questions:
-            self._free.clear()
+            self._ready_for_input.clear()
         assert self._link is not None  # noqa: S101
         await self._link.respond(request_id, {"outcome": {"outcome": "selected", "optionId": option}})
 
@@ -244,17 +245,17 @@ class Chat:
         except RefusedError as error:
             self._show([Line("problem", str(error))])
         except LinkError:
-            pass  # `talk` tells it
+            pass  # `talk` reports the lost connection
         finally:
-            self._free.set()
+            self._ready_for_input.set()
             self._show(self._view.flush())
 
     def _command(self, method: str) -> None:
-        task = asyncio.create_task(self._have_done(method))
+        task = asyncio.create_task(self._send_command(method))
         self._commands.add(task)
         task.add_done_callback(self._commands.discard)
 
-    async def _have_done(self, method: str) -> None:
+    async def _send_command(self, method: str) -> None:
         assert self._link is not None  # noqa: S101
         try:
             answer = await self._link.request(method, {})
@@ -271,10 +272,10 @@ class Chat:
         else:
             self._show([Line("note", "Nothing runs. Ctrl-D leaves.")])
 
-    def _later(self, work: Any) -> None:
+    def _in_background(self, work: Any) -> None:
         task = asyncio.ensure_future(work)
-        self._replies.add(task)
-        task.add_done_callback(self._replies.discard)
+        self._background.add(task)
+        task.add_done_callback(self._background.discard)
 
     # The terminal
 
@@ -303,16 +304,16 @@ class Chat:
     def _show(self, lines: list[Line]) -> None:
         if self._as_json or not lines:
             return
-        # A console for each time: under `patch_stdout` the stream is another one.
+        # A new console each time: `patch_stdout` replaces the stream while a prompt is open.
         console = Console(file=sys.stdout, highlight=False, soft_wrap=True, force_terminal=sys.stdin.isatty() or None)
         for line in lines:
             console.print(Text(_UNSAFE.sub("\ufffd", line.text), style=_STYLES[line.style]))
 
     async def _plain_lines(self) -> AsyncIterator[str]:
-        """Lines of a pipe: each is read when the one before has been done, and a stop as it comes."""
-        async for line in pipe.lines(self._stop_at_once):
+        """Lines of a pipe: each is read when the one before has been carried out, but a stop as soon as it arrives."""
+        async for line in plain_input.lines(self._stop_at_once):
             yield line
-            await self._free.wait()
+            await self._ready_for_input.wait()
 
     def _stop_at_once(self, line: str) -> bool:
         if line.strip().lower() != "/stop":

@@ -6,40 +6,32 @@ import asyncio
 import contextlib
 import time
 from collections.abc import Callable
-from typing import Any, Protocol
-from urllib.parse import urlsplit
+from typing import Any
 
 import orjson
-from websockets.asyncio.client import ClientConnection, connect
-from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketException
+from websockets.exceptions import InvalidStatus, WebSocketException
 
-from backend import wire
+from backend import dial, wire
 
 
 class LinkError(Exception):
-    """The connection could not be made or was lost; the text says what to do."""
+    """The connection could not be made or was lost; the text is for people."""
 
 
 class RefusedError(Exception):
     """The agent answered a request with an error; the text is its message."""
 
 
-class _Stream(Protocol):
-    async def send(self, message: dict[str, Any]) -> None: ...
-    async def receive(self) -> dict[str, Any] | None: ...
-    async def close(self) -> None: ...
-
-
 Incoming = Callable[[dict[str, Any]], None]
 
 
 class Link:
-    """One connection. `incoming` gets every notification and every request of the agent, in order.
+    """One connection. `incoming` is called with every notification and every request of the agent, in order.
 
     When the connection ends, every request that waits fails with `LinkError`, and `closed` is done.
     """
 
-    def __init__(self, stream: _Stream, incoming: Incoming) -> None:
+    def __init__(self, stream: dial.Stream, incoming: Incoming) -> None:
         self._stream = stream
         self._incoming = incoming
         self._asked = 0
@@ -49,7 +41,7 @@ class Link:
         """Done with the reason once the connection is gone."""
 
     async def request(self, method: str, params: dict[str, Any]) -> dict[str, Any]:
-        """Ask the agent. Raises `RefusedError`, `LinkError`."""
+        """The answer of the agent to a request. Raises `RefusedError`, `LinkError`."""
         self._asked += 1
         request_id = self._asked
         answer = self._answers[request_id] = asyncio.get_running_loop().create_future()
@@ -63,7 +55,7 @@ class Link:
         return dict(message["result"] or {})
 
     async def notify(self, method: str, params: dict[str, Any]) -> None:
-        """Tell the agent. Raises `LinkError`."""
+        """Send a notification. Raises `LinkError`."""
         await self._send({"method": method, "params": params})
 
     async def respond(self, request_id: Any, result: dict[str, Any]) -> None:
@@ -71,14 +63,14 @@ class Link:
         await self._send({"id": request_id, "result": result})
 
     async def refuse(self, request_id: Any) -> None:
-        """Say that this client does not know a request of the agent. Raises `LinkError`."""
+        """Answer a request of the agent that this client does not know. Raises `LinkError`."""
         error = {"code": wire.METHOD_NOT_FOUND, "message": "This client does not do that."}
         await self._send({"id": request_id, "error": error})
 
     async def round_trip(self) -> float:
         """Seconds until the agent has answered. Raises `LinkError`."""
         begun = time.monotonic()
-        with contextlib.suppress(RefusedError):  # no agent has to know the method: "there is none" comes as fast
+        with contextlib.suppress(RefusedError):  # an agent that does not know the method answers as fast
             await self.request("_robot/ping", {})
         return time.monotonic() - begun
 
@@ -91,23 +83,24 @@ class Link:
 
     async def _send(self, message: dict[str, Any]) -> None:
         try:
-            await self._stream.send({"jsonrpc": "2.0"} | message)
-        except (OSError, ConnectionClosed) as error:
-            raise LinkError("The connection is lost.") from error
+            await self._stream.send(orjson.dumps({"jsonrpc": "2.0"} | message))
+        except dial.Lost as lost:
+            raise LinkError("The connection is lost.") from lost
 
     async def _read(self) -> None:
         reason = "The connection is lost."
         try:
-            while (message := await self._stream.receive()) is not None:
+            while True:
+                message = wire.check(await self._stream.receive()).body
                 answer = self._answers.get(message["id"]) if "method" not in message and "id" in message else None
                 if answer is not None and not answer.done():
                     answer.set_result(message)
                 elif "method" in message:
                     self._incoming(message)
-        except ConnectionClosed as closed:
-            reason = (closed.rcvd.reason if closed.rcvd else "") or reason
-        except (OSError, wire.BadFrame):
-            pass
+        except dial.Lost as lost:
+            reason = lost.reason or reason
+        except wire.BadFrame:
+            pass  # whatever this is, it is no agent
         finally:
             for answer in self._answers.values():
                 if not answer.done():
@@ -118,15 +111,8 @@ class Link:
 
 async def open_link(address: str, token: str | None, incoming: Incoming) -> Link:
     """Connect to `tcp://HOST:PORT`, or to `ws://` or `wss://` with a login token. Raises `LinkError`."""
-    parts = urlsplit(address)
     try:
-        if parts.scheme == "tcp" and parts.hostname and parts.port:
-            reader, writer = await asyncio.open_connection(parts.hostname, parts.port, limit=wire.MAX_FRAME_BYTES + 1)
-            return Link(_Lines(reader, writer), incoming)
-        if parts.scheme in ("ws", "wss"):
-            headers = {"Authorization": f"Bearer {token}"} if token else {}
-            socket = await connect(address, additional_headers=headers, max_size=wire.MAX_FRAME_BYTES)
-            return Link(_Frames(socket), incoming)
+        return Link(await dial.dial(dial.Address.parse(address, token)), incoming)
     except InvalidStatus as error:
         if error.response.status_code in (401, 403):
             raise LinkError(
@@ -136,41 +122,5 @@ async def open_link(address: str, token: str | None, incoming: Incoming) -> Link
         raise LinkError(f"{address} answered with HTTP status {error.response.status_code}.") from None
     except (OSError, WebSocketException, TimeoutError):
         raise LinkError(f"Nothing answers at {address}. Is the robot running? Start it with `robot-acp up`.") from None
-    raise LinkError(f"{address!r} is no address. Give tcp://HOST:PORT or ws://HOST:PORT/acp.")
-
-
-class _Lines:
-    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        self._reader = reader
-        self._writer = writer
-
-    async def send(self, message: dict[str, Any]) -> None:
-        self._writer.write(orjson.dumps(message, option=orjson.OPT_APPEND_NEWLINE))
-        await self._writer.drain()
-
-    async def receive(self) -> dict[str, Any] | None:
-        line = await wire.read_line(self._reader)
-        if line is None:
-            self._writer.close()  # nobody reads what this half would still say
-            return None
-        return wire.check(line).body
-
-    async def close(self) -> None:
-        self._writer.close()
-        with contextlib.suppress(OSError):
-            await self._writer.wait_closed()
-
-
-class _Frames:
-    def __init__(self, socket: ClientConnection) -> None:
-        self._socket = socket
-
-    async def send(self, message: dict[str, Any]) -> None:
-        await self._socket.send(orjson.dumps(message).decode())
-
-    async def receive(self) -> dict[str, Any] | None:
-        frame = await self._socket.recv()
-        return wire.check(frame if isinstance(frame, bytes) else frame.encode()).body
-
-    async def close(self) -> None:
-        await self._socket.close()
+    except ValueError:
+        raise LinkError(f"{address!r} is no address. Give tcp://HOST:PORT or ws://HOST:PORT/acp.") from None

@@ -17,14 +17,16 @@ from backend.telemetry import Battery, Motion, Pose, Stop, Twist
 METHOD = "_robot/telemetry"
 RATE_HZ = 2.0
 SUBSCRIPTION = {keys.TELEMETRY: {"rate": RATE_HZ}}
-"""What asks for it, in `clientCapabilities._meta` of `initialize`."""
+"""The request for this telemetry, in `clientCapabilities._meta` of `initialize`."""
 
 _BATTERY_STEP = 0.1
-_STANDS = 0.005  # m/s and rad/s; below, a measured speed is noise
+"""A change of the charge by this share of the whole is worth a new line."""
+_MIN_SPEED = 0.005
+"""m/s and rad/s; a lower measured speed is noise."""
 
 
 class Turn(msgspec.Struct):
-    """Whose turn controls the robot."""
+    """The person whose turn controls the robot."""
 
     by: str
 
@@ -36,7 +38,7 @@ class Halt(msgspec.Struct):
 
 
 class Telemetry(msgspec.Struct):
-    """The parameters of `_robot/telemetry` (docs/extensions.md); an agent may leave out any of the rest."""
+    """The parameters of `_robot/telemetry` (docs/extensions.md); an agent may leave out all but `online`."""
 
     online: bool
     robot: str = "The robot"
@@ -52,62 +54,64 @@ class Telemetry(msgspec.Struct):
 
 @dataclass
 class Status:
-    """What is known of the robot at this moment."""
+    """The newest state of the robot and of the connection to its agent."""
 
-    trip: float | None = None
+    round_trip: float | None = None
     """Seconds to the agent and back; None while no answer comes."""
-    _told: Telemetry | None = field(default=None)
-    _news: object = field(default=None)
+    _telemetry: Telemetry | None = field(default=None)
+    """The newest message; None before the first."""
+    _key: object = field(default=None)
+    """The values of that message whose change is worth a new line."""
 
-    def take(self, params: dict[str, Any]) -> bool:
-        """Take in one message. True for news: a change of more than numbers that move all the time."""
+    def apply(self, params: dict[str, Any]) -> bool:
+        """Apply one message. True when it is worth a new line: more has changed than pose, speed and the like."""
         try:
-            told = msgspec.convert(params, Telemetry)
+            telemetry = msgspec.convert(params, Telemetry)
         except msgspec.ValidationError:
-            told = Telemetry(online=False)
-        news = (
-            told.online,
-            told.stop and told.stop.by,
-            told.halted and told.halted.text,
-            told.motion and (told.motion.kind, told.motion.place),
-            told.speaking,
-            told.turn and told.turn.by,
-            told.battery and (told.battery.charging, math.ceil(told.battery.level / _BATTERY_STEP)),
+            telemetry = Telemetry(online=False)
+        key = (
+            telemetry.online,
+            telemetry.stop and telemetry.stop.by,
+            telemetry.halted and telemetry.halted.text,
+            telemetry.motion and (telemetry.motion.kind, telemetry.motion.place),
+            telemetry.speaking,
+            telemetry.turn and telemetry.turn.by,
+            telemetry.battery and (telemetry.battery.charging, math.ceil(telemetry.battery.level / _BATTERY_STEP)),
         )
-        is_news, self._told, self._news = news != self._news, told, news
-        return is_news
+        changed, self._telemetry, self._key = key != self._key, telemetry, key
+        return changed
 
     @property
     def line(self) -> str:
-        """What matters most comes first: a narrow terminal cuts off the end."""
-        told = self._told
-        if told is None:
+        """The state in words, the most important first: a narrow terminal cuts off the end."""
+        telemetry = self._telemetry
+        if telemetry is None:
             return "no telemetry yet"
-        parts = [_doing(told) if told.online else f"{told.robot} is not reachable"]
-        if told.halted:
-            parts.append(f"halted by itself: {told.halted.text}")
-        if told.battery:
-            charging = ", charging" if told.battery.charging else ""
-            parts.append(f"battery {told.battery.level:.0%}{charging}")
-        if told.twist:
-            parts.append(f"{abs(told.twist.linear):.2f} m/s")
-        if told.pose:
-            parts.append(f"x {told.pose.x:.1f}, y {told.pose.y:.1f}, {math.degrees(told.pose.yaw):.0f}°")
-        parts.append(f"held by {told.turn.by}" if told.turn else "held by nobody")
-        parts.append("link –" if self.trip is None else f"link {self.trip * 1000:.0f} ms")
+        parts = [_doing(telemetry) if telemetry.online else f"{telemetry.robot} is not reachable"]
+        if telemetry.halted:
+            parts.append(f"halted by itself: {telemetry.halted.text}")
+        if telemetry.battery:
+            charging = ", charging" if telemetry.battery.charging else ""
+            parts.append(f"battery {telemetry.battery.level:.0%}{charging}")
+        if telemetry.twist:
+            parts.append(f"{abs(telemetry.twist.linear):.2f} m/s")
+        if telemetry.pose:
+            parts.append(f"x {telemetry.pose.x:.1f}, y {telemetry.pose.y:.1f}, {math.degrees(telemetry.pose.yaw):.0f}°")
+        parts.append(f"held by {telemetry.turn.by}" if telemetry.turn else "held by nobody")
+        parts.append("link –" if self.round_trip is None else f"link {self.round_trip * 1000:.0f} ms")
         return " · ".join(parts)
 
 
-def _doing(told: Telemetry) -> str:
-    if told.stop:
-        return f"STOPPED by {told.stop.by}"
-    if told.motion:
-        if told.motion.kind == "rotate":
+def _doing(telemetry: Telemetry) -> str:
+    if telemetry.stop:
+        return f"STOPPED by {telemetry.stop.by}"
+    if telemetry.motion:
+        if telemetry.motion.kind == "rotate":
             return "turning"
-        where = f" to {told.motion.place}" if told.motion.place else ""
-        return f"driving{where}, {told.motion.distance:.1f} m to go"
-    if told.speaking is not None:
+        where = f" to {telemetry.motion.place}" if telemetry.motion.place else ""
+        return f"driving{where}, {telemetry.motion.distance:.1f} m to go"
+    if telemetry.speaking is not None:
         return "speaking"
-    if told.twist and max(abs(told.twist.linear), abs(told.twist.angular)) > _STANDS:
+    if telemetry.twist and max(abs(telemetry.twist.linear), abs(telemetry.twist.angular)) > _MIN_SPEED:
         return "moving"
     return "ready"

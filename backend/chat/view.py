@@ -1,7 +1,7 @@
-"""What the terminal shows of a session: updates in, lines of text out. No terminal, no socket, no clock.
+"""The lines that the terminal shows of a session: updates in, lines of text out. No terminal, no socket, no clock.
 
-Sentences for people, in the order of the events. Text that streams in is held back to the end of its paragraph, and
-can be seen meanwhile in `status`.
+The lines are in the order of the events. A paragraph that is still streaming in becomes a line at its end; until then
+`status` shows how it begins.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _MARKS = {"pending": "○", "in_progress": "◌", "completed": "✓", "failed": 
 
 @dataclass(frozen=True)
 class Line:
-    """One line for people, and what kind it is."""
+    """One line for people, and the style that says what kind of line it is."""
 
     style: Style
     text: str
@@ -26,18 +26,22 @@ class Line:
 
 @dataclass
 class View:
-    """Follows one session."""
+    """The lines of one session, made from its updates."""
 
     robot: str = "The robot"
     status: str = ""
-    """What happens at this moment, in a few words; empty between turns."""
+    """A few words about the step of the turn that runs; empty between turns."""
     title: str | None = None
+    """The title of the session, once it has one."""
     _streaming: Style | None = None
+    """The kind of text that streams in; None when the last update was no text."""
     _buffer: str = ""
+    """The paragraph that has not ended yet."""
     _titles: dict[str, str] = field(default_factory=dict)
+    """Id of a tool call -> its title."""
 
-    def take(self, update: dict[str, Any]) -> list[Line]:
-        """The lines that an update adds."""
+    def apply(self, update: dict[str, Any]) -> list[Line]:
+        """Follow an update, and return the lines that it adds."""
         kind = update.get("sessionUpdate", "")
         if kind == "agent_message_chunk":
             return self._stream("robot", update["content"])
@@ -65,7 +69,7 @@ class View:
         return lines
 
     def flush(self) -> list[Line]:
-        """The text that has streamed in so far, as lines."""
+        """End the paragraph that streams in, and return its lines."""
         style, text = self._streaming, self._buffer.strip()
         self._streaming, self._buffer = None, ""
         return [Line(style, line) for line in text.splitlines()] if style and text else []

@@ -1,4 +1,4 @@
 """A remote robot as a local ACP agent, on stdio or on a TCP port, for clients that cannot dial a WebSocket.
 
-It passes messages on and knows none of their meanings: no sessions, no permissions, no policy.
+It passes messages on without interpreting them: it knows no sessions, no permissions, no policy.
 """

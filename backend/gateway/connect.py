@@ -7,7 +7,7 @@ import sys
 from backend import wire
 from backend.gateway.pipe import Pipe
 from backend.gateway.remote import Address, RemoteError
-from backend.gateway.stdio import stdin, stdout
+from backend.stdio import stdin, stdout
 
 
 async def run(address: Address) -> int:

@@ -11,9 +11,9 @@ import logging
 import socket
 
 from backend import wire
-from backend.gateway.closing import close
 from backend.gateway.pipe import Pipe
 from backend.gateway.remote import Address, RemoteError
+from backend.streams import close
 
 HOST = "127.0.0.1"
 _FIRST_LINE_SECONDS = 30.0
@@ -49,17 +49,17 @@ async def _serve_client(address: Address, reader: asyncio.StreamReader, writer: 
     connected: socket.socket = writer.get_extra_info("socket")
     connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     try:
-        hello = await _first_line(reader)
-        if hello is None:
+        first = await _first_line(reader)
+        if first is None:
             log.warning("closed a connection that did not begin with initialize")
         else:
-            await _relay(address, hello, reader, writer)
+            await _relay(address, first, reader, writer)
     finally:
         await close(writer)
 
 
 async def _first_line(reader: asyncio.StreamReader) -> wire.Frame | None:
-    """The request to initialize, or None for anything else."""
+    """The request to initialize; None when the client begins with anything else, or with nothing in time."""
     try:
         async with asyncio.timeout(_FIRST_LINE_SECONDS):
             line = await wire.read_line(reader)
@@ -70,16 +70,16 @@ async def _first_line(reader: asyncio.StreamReader) -> wire.Frame | None:
 
 
 async def _relay(
-    address: Address, hello: wire.Frame, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    address: Address, first: wire.Frame, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
 ) -> None:
     try:
         remote = await address.connect()
     except RemoteError as error:
         log.error("%s", error)
-        writer.write(wire.error_frame(hello.id, wire.INTERNAL_ERROR, str(error)) + b"\n")
+        writer.write(wire.error_frame(first.id, wire.INTERNAL_ERROR, str(error)) + b"\n")
         return
     try:
-        await Pipe(reader, writer, remote).run(hello)
+        await Pipe(reader, writer, remote).run(first)
     except RemoteError as error:
         log.error("%s", error)
     finally:

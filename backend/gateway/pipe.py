@@ -1,7 +1,7 @@
 """Both directions between one local client and the remote, message by message, as the bytes that came.
 
-It keeps the ids of the client's open requests and nothing else, so that none of them stays without an answer when the
-remote is lost. Where one side is slow, the other is no longer read.
+It keeps the ids of the client's open requests and nothing else: when the remote is lost, each of them is answered with
+an error. While one side is slow, the other is not read.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import logging
 
 from backend import wire
 from backend.gateway.remote import Remote, RemoteError
-from backend.gateway.stdio import Output
 
 log = logging.getLogger(__name__)
 
@@ -19,7 +18,7 @@ log = logging.getLogger(__name__)
 class Pipe:
     """One client and one remote. Neither is closed here."""
 
-    def __init__(self, reader: asyncio.StreamReader, writer: Output, remote: Remote) -> None:
+    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, remote: Remote) -> None:
         self._reader = reader
         self._writer = writer
         self._remote = remote
@@ -36,7 +35,7 @@ class Pipe:
             await asyncio.wait((up, down), return_when=asyncio.FIRST_COMPLETED)
             if up.done() and up.result() == "client left":
                 return
-            # A remote that takes no more has an end to tell, behind what it said last.
+            # A remote that takes no more messages may still have sent some, and the reason why it closed.
             await down
         except RemoteError as error:
             await self._answer_open_requests(str(error))
@@ -67,7 +66,7 @@ class Pipe:
                 return "client left"
 
     async def _down(self) -> None:
-        """Return when the client takes no more."""
+        """Pass on what the remote sends; return when the client no longer reads."""
         while True:
             try:
                 frame = wire.check(await self._remote.receive())
@@ -85,7 +84,7 @@ class Pipe:
         self._open.clear()
 
     async def _write(self, line: bytes) -> bool:
-        """Whether the client took the line."""
+        """Write a line to the client; false when it no longer reads."""
         try:
             self._writer.write(line + b"\n")
             await self._writer.drain()

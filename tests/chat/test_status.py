@@ -27,7 +27,7 @@ DRIVING = STANDING | {"twist": {"linear": 0.55, "angular": 0.0}, "motion": MOTIO
 
 def shown(params: dict[str, Any], trip: float | None = 0.0042) -> str:
     status = Status(trip)
-    status.take(params)
+    status.apply(params)
     return status.line
 
 
@@ -59,11 +59,11 @@ def test_a_link_without_an_answer_has_no_figure() -> None:
 
 def test_numbers_that_move_all_the_time_are_no_news_and_the_rest_is() -> None:
     status = Status()
-    assert status.take(STANDING)
-    assert not status.take(STANDING | {"battery": {"level": 0.829, "charging": False}})
-    assert status.take(DRIVING)
-    assert not status.take(DRIVING | {"pose": GOAL, "motion": MOTION | {"distance": 2.0}})
-    assert status.take(DRIVING | {"stop": {"by": "Vic", "at": 1.0}})
-    assert status.take(STANDING)
-    assert status.take(STANDING | {"battery": {"level": 0.79, "charging": False}})
-    assert status.take(STANDING | {"battery": {"level": 0.79, "charging": True}})
+    assert status.apply(STANDING)
+    assert not status.apply(STANDING | {"battery": {"level": 0.829, "charging": False}})
+    assert status.apply(DRIVING)
+    assert not status.apply(DRIVING | {"pose": GOAL, "motion": MOTION | {"distance": 2.0}})
+    assert status.apply(DRIVING | {"stop": {"by": "Vic", "at": 1.0}})
+    assert status.apply(STANDING)
+    assert status.apply(STANDING | {"battery": {"level": 0.79, "charging": False}})
+    assert status.apply(STANDING | {"battery": {"level": 0.79, "charging": True}})

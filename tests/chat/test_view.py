@@ -9,7 +9,7 @@ from backend.chat.view import Line, View
 
 def shown(*updates: dict[str, Any]) -> list[Line]:
     view = View("Sancho")
-    return [line for update in updates for line in view.take(update)] + view.flush()
+    return [line for update in updates for line in view.apply(update)] + view.flush()
 
 
 def chunk(kind: str, text: str) -> dict[str, Any]:
@@ -42,7 +42,7 @@ def test_a_tool_call_tells_how_it_ended_and_who_decided() -> None:
 def test_progress_is_a_status_and_no_line() -> None:
     view = View("Sancho")
     text = {"type": "content", "content": {"type": "text", "text": "3 m to go"}}
-    assert view.take({"sessionUpdate": "tool_call_update", "toolCallId": "t", "content": [text]}) == []
+    assert view.apply({"sessionUpdate": "tool_call_update", "toolCallId": "t", "content": [text]}) == []
     assert view.status == "3 m to go"
 
 

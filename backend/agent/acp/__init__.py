@@ -1,1 +1,1 @@
-"""The agent's client side: one ACP connection, its operations, and the updates that it sends. It runs no turn."""
+"""ACP, as the agent speaks it with its clients: connections, operations, session updates. No turn runs here."""

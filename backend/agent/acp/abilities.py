@@ -1,35 +1,21 @@
-"""What the robot can do and where it can go, for a screen that suggests it: the places and tools of its MCP server.
+"""The answer to `_robot/abilities`: the places and tools of the robot, for a screen that suggests what to ask for.
 
-Reads only, and offers nothing: what somebody may have done is decided when it is asked for, by policy.
+It only reads. Whether a person may have something done is decided by the policy when the person asks for it.
 """
 
 from __future__ import annotations
 
-import asyncio
 from typing import Any
 
-from backend.agent.robot.mcp_client import McpClient, ServerUnavailable
-
-LOOK_TIMEOUT_S = 2.0
-
-
-async def look(tools: McpClient, name: str) -> dict[str, Any] | None:
-    """What the tool `name`, which only looks, says now; None when the robot is not there or has no such tool."""
-    try:
-        async with asyncio.timeout(LOOK_TIMEOUT_S):
-            if name not in await tools.tools():
-                return None
-            result = await tools.call(name, {})
-    except (ServerUnavailable, TimeoutError):
-        return None
-    return result.structured if not result.failed and isinstance(result.structured, dict) else None
+from backend.agent.robot.mcp_client import McpClient
+from backend.agent.robot.readings import read
 
 
 async def abilities(tools: McpClient, places_tool: str) -> dict[str, Any]:
     """The answer to `_robot/abilities`. Raises `ServerUnavailable`."""
     known = await tools.tools()
-    told = await look(tools, places_tool) or {}
-    nodes = told.get("nodes")
+    graph = await read(tools, places_tool) or {}
+    nodes = graph.get("nodes")
     places = [_place(node) for node in nodes if _is_place(node)] if isinstance(nodes, list) else []
     return {
         "places": places,

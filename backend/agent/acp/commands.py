@@ -1,7 +1,7 @@
-"""The slash commands: what a person can have done without any model. They pass the same policy as everything else.
+"""The slash commands, which need no language model. The policy applies to them as to everything else.
 
-`/stop` and `/export` are the agent's own; the others are understood by the command grammar of the offline model, which
-runs them whatever model the session has.
+The agent carries out `/stop` and `/export` itself. The offline model carries out the others, whichever model the
+session has.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def available() -> list[dict[str, Any]]:
 
 
 def named_in(prompt: list[dict[str, Any]]) -> str | None:
-    """The command that a prompt is, without its slash; None when it is none."""
+    """The name of the command that is the whole prompt; None when the prompt is no command."""
     if len(prompt) != 1 or prompt[0].get("type") != "text":
         return None
     text = prompt[0]["text"].strip().lower()

@@ -18,8 +18,8 @@ from backend.agent.sessions.session import Listener, Session
 from backend.agent.sessions.store import Event, Store
 from backend.config import ConfigError
 
-_FRAME_ROOM = 64 * 1024
-"""What a message needs beside its content: mostly the path."""
+_ENVELOPE_BYTES = 64 * 1024
+"""Reserved for all of a message but its content: mostly the path."""
 
 
 def as_lines(events: Iterable[Event]) -> str:
@@ -31,10 +31,12 @@ def as_lines(events: Iterable[Event]) -> str:
 
 
 async def hand_over(session: Session, store: Store, to: Listener | None, timeout_s: float) -> str:
-    """Write the log through the client that asked, where it takes files and answers in time, and tell in words what
-    came of it."""
+    """Have the client `to` write the log to a file, and say in words whether it did.
+
+    The client needs the capability to write files, and has `timeout_s` seconds to answer.
+    """
     otherwise = f"On the robot's computer, `robot-acp sessions export {session.id}` prints the log."
-    if to is None or not to.takes_files:
+    if to is None or not to.can_write_files:
         return f"Your program takes no files from me. {otherwise}"
     await session.flushed()
     path = posixpath.join(session.row.cwd, f"robot-acp-{session.id}.jsonl")
@@ -43,7 +45,7 @@ async def hand_over(session: Session, store: Store, to: Listener | None, timeout
     async for event in store.events(session.id):
         lines.append(as_lines([event]))
         size += len(orjson.dumps(lines[-1]))  # as it is on the wire
-        if size > wire.MAX_FRAME_BYTES - _FRAME_ROOM:
+        if size > wire.MAX_FRAME_BYTES - _ENVELOPE_BYTES:
             return f"The log is too long for one message to your program. {otherwise}"
     if to not in session.watching:
         return "Whoever asked for the log is no longer here."

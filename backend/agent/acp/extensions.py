@@ -1,6 +1,6 @@
 """The requests `_robot/…` of one connection, which go beyond ACP: docs/extensions.md.
 
-Each asks first who may. Nothing here runs a turn or answers a question; a stop waits for nothing.
+Each checks the rights first. Nothing here runs a turn or answers a question; a stop waits for nothing.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ EXTENSIONS = (
     "_robot/leave",
     "_robot/events",
 )
-"""As `initialize` lists them, the notifications among them."""
+"""The extensions as `initialize` lists them; `telemetry` and `people` are notifications to the client."""
 
 
 class Extensions:
-    """Those of one connection. `leave` lets it no longer watch a session."""
+    """The extensions of one connection. `leave` detaches it from a session."""
 
     def __init__(self, wiring: Wiring, rights: Rights, leave: Callable[[str], None]) -> None:
         self._wiring = wiring
         self._rights = rights
         self._leave = leave
         self._reading = asyncio.Lock()
-        """Held by the one page of a log that is read for this connection: others want the database, too."""
+        """Held while a page of a log is read: one at a time for each connection, as others need the database, too."""
 
     async def call(self, name: str, params: dict[str, Any]) -> dict[str, Any]:
         """`stop`, `leave`, `events` and `abilities` for everyone, `release` and `take_over` for supervisors."""
@@ -56,7 +56,8 @@ class Extensions:
                 return self._take_over(rights.authorized(Right.TAKE_OVER).name, params)
             if name == "robot/leave":
                 session_id = str(params.get("sessionId"))
-                await wiring.sessions.get(session_id, rights.known())  # behind a load that waits for the database
+                # Waits behind a load of the same session that is still reading the database.
+                await wiring.sessions.get(session_id, rights.known())
                 self._leave(session_id)
                 return {}
             if name == "robot/events":
@@ -74,11 +75,11 @@ class Extensions:
             return await event_page(self._wiring.sessions, session, params)
 
     def _take_over(self, by: str, params: dict[str, Any]) -> dict[str, Any]:
-        meant = params.get("from")
-        if meant is not None and not isinstance(meant, str):
+        expected_holder = params.get("from")
+        if expected_holder is not None and not isinstance(expected_holder, str):
             raise RequestError(wire.INVALID_PARAMS, "from must be the id of a session.")
         try:
-            loser = self._wiring.turns.lease.take_over(params.get("sessionId"), by, meant)
+            loser = self._wiring.turns.lease.take_over(params.get("sessionId"), by, expected_holder)
         except SomebodyElse as other:
             raise RequestError(wire.INVALID_PARAMS, str(other), {"holder": other.holder}) from None
         return {"from": loser.by if loser else None}

@@ -1,28 +1,106 @@
-"""The answer to `initialize`: what this agent can do, and who it takes the client for. It decides nothing."""
+"""Who is at a connection: `initialize`, `authenticate` and `logout`, and what this agent says of itself.
+
+What an identity may do is in `rights`. Nothing here opens a session.
+"""
 
 from __future__ import annotations
 
+import logging
+from typing import Any
+
+from acp.exceptions import RequestError
 from acp.schema import (
     AgentCapabilities,
+    AuthenticateRequest,
+    AuthenticateResponse,
     AuthMethodAgent,
     Implementation,
+    InitializeRequest,
     InitializeResponse,
+    LogoutRequest,
+    LogoutResponse,
     McpCapabilities,
     PromptCapabilities,
     SessionCapabilities,
 )
 
-from backend import __version__
+from backend import __version__, identity, wire
 from backend import meta as keys
+from backend.agent.acp.attachments import Attachments
+from backend.agent.acp.connection import ClientConnection
 from backend.agent.acp.extensions import EXTENSIONS
+from backend.agent.acp.telemetry import TelemetryFeed
 from backend.agent.wiring import Wiring
-from backend.identity import Identity
+from backend.identity import Identity, Role
+from backend.tokens import RegistryError
 
 PROTOCOL_VERSION = 1
 
+log = logging.getLogger(__name__)
 
-def hello(wiring: Wiring, who: Identity | None) -> InitializeResponse:
-    """The answer to `who`, None before the login."""
+
+class Login:
+    """The identity of one connection."""
+
+    def __init__(self, wiring: Wiring, connection: ClientConnection, attachments: Attachments) -> None:
+        self._wiring = wiring
+        self._connection = connection
+        self._attachments = attachments
+        self._initialized = False
+        self._telemetry: TelemetryFeed | None = None
+
+    async def initialize(self, request: InitializeRequest) -> InitializeResponse:
+        """Agree on the version, of which there is one, and learn who this is: from the token of the bridge or of the
+        client, or because the client runs on this machine and that is trusted. Only the first time counts."""
+        if self._initialized:
+            return initialize_response(self._wiring, self._connection.identity)
+        token = (request.field_meta or {}).get(keys.TOKEN)
+        if token is not None:
+            self._identify(token)
+        elif self._connection.local and self._wiring.settings.agent.trust_loopback:
+            self._connection.identity = Identity("local", Role.SUPERVISOR)
+        self._initialized = True
+        who = self._connection.identity
+        log.info("client %s: %s", self._connection.id, f"{who.name}, {who.role.value}" if who else "not logged in")
+        capabilities = request.client_capabilities.model_dump(by_alias=True) if request.client_capabilities else {}
+        self._connection.client_capabilities = capabilities
+        self._start_telemetry((capabilities.get("_meta") or {}).get(keys.TELEMETRY))
+        return initialize_response(self._wiring, who)
+
+    async def authenticate(self, request: AuthenticateRequest) -> AuthenticateResponse:
+        """Log in with the token in `_meta`, perhaps as somebody else than before."""
+        token = (request.field_meta or {}).get(keys.TOKEN)
+        if request.method_id != "token" or not isinstance(token, str):
+            raise RequestError(wire.INVALID_PARAMS, f'Authenticate with method "token" and {keys.TOKEN} in _meta.')
+        self._identify(token)
+        self._attachments.apply_rights()
+        return AuthenticateResponse()
+
+    async def logout(self, request: LogoutRequest) -> LogoutResponse:
+        """Forget who this is: until it authenticates, the client is shown nothing and asked nothing."""
+        del request
+        self._connection.identity = None
+        self._attachments.detach_all()
+        return LogoutResponse()
+
+    def close(self) -> None:
+        """The client has gone: end its telemetry."""
+        if self._telemetry:
+            self._telemetry.close()
+
+    def _identify(self, token: object) -> None:
+        try:
+            self._connection.identity = self._wiring.tokens.verify(str(token))
+        except (identity.InvalidToken, RegistryError) as error:
+            raise RequestError(wire.AUTH_REQUIRED, str(error)) from None
+
+    def _start_telemetry(self, wanted: Any) -> None:
+        if isinstance(wanted, dict):
+            self._telemetry = TelemetryFeed(self._wiring, self._connection, wanted.get("rate"))
+
+
+def initialize_response(wiring: Wiring, who: Identity | None) -> InitializeResponse:
+    """What this agent can do, and as whom it knows the client; `who` is None before the login."""
     robot = wiring.settings.robot.name
     about = {"extensions": list(EXTENSIONS), "robot": robot}
     if who:

@@ -1,7 +1,7 @@
-"""`_robot/people`: who is connected, for those who may operate the robot and asked to know.
+"""`_robot/people`: the list of connected people, for clients that asked for it and whose login may approve.
 
-Looked at once a second, so whatever happens in between, and however many come and go, is one message for each who
-asked. Nobody else ever learns from here who is there, and nothing is ever decided by it.
+The list is compared once a second, so any number of changes in between is one message for each client. Nobody else
+learns from here who is connected, and nothing is decided by it.
 """
 
 from __future__ import annotations
@@ -19,47 +19,47 @@ METHOD = "_robot/people"
 EVERY_S = 1.0
 
 Attached = Mapping[str, Session]
-"""The sessions that a connection is attached to or about to be, the newest last."""
+"""The sessions that a connection is attached to or about to be, the newest last, by session id."""
 
 
 class People:
-    """The connections of one agent. `run` has to be running for anybody to be told."""
+    """The connections of one agent. `run` has to be running for any message to be sent."""
 
     def __init__(self) -> None:
         self._attached: dict[ClientConnection, Attached] = {}
-        """Of everyone who is connected, logged in or not."""
-        self._told: dict[ClientConnection, bytes] = {}
-        """What somebody was told last; nobody who may not be told is in it."""
+        """All connections, logged in or not."""
+        self._last_sent: dict[ClientConnection, bytes] = {}
+        """The frame that each client was sent last. A client that may not have the list is not in it."""
 
-    def enter(self, connection: ClientConnection, attached: Attached) -> None:
-        """Somebody connects; who it is turns out later, and `attached` changes."""
+    def add(self, connection: ClientConnection, attached: Attached) -> None:
+        """A client has connected. Its identity is read from it each time; `attached` may change at any time."""
         self._attached[connection] = attached
 
-    def leave(self, connection: ClientConnection) -> None:
+    def remove(self, connection: ClientConnection) -> None:
         """The connection is gone."""
         self._attached.pop(connection, None)
-        self._told.pop(connection, None)
+        self._last_sent.pop(connection, None)
 
     async def run(self) -> None:
-        """Tell of every change until cancelled."""
+        """Send every change until cancelled."""
         while True:
-            self._tell()
+            self._send_changes()
             await asyncio.sleep(EVERY_S)
 
-    def _tell(self) -> None:
-        asking = [connection for connection in self._attached if connection.takes_people and connection.may_approve]
-        if not asking:
-            self._told.clear()
+    def _send_changes(self) -> None:
+        receivers = [c for c in self._attached if c.wants_people and c.may_approve]
+        if not receivers:
+            self._last_sent.clear()
             return
-        message = {"jsonrpc": "2.0", "method": METHOD, "params": {"people": list(self._here())}}
+        message = {"jsonrpc": "2.0", "method": METHOD, "params": {"people": list(self._list())}}
         frame = orjson.dumps(message, option=orjson.OPT_APPEND_NEWLINE)
-        for connection in asking:
-            if self._told.get(connection) != frame:
-                connection.show_latest(METHOD, frame)
-        self._told = dict.fromkeys(asking, frame)
+        for connection in receivers:
+            if self._last_sent.get(connection) != frame:
+                connection.deliver_latest(METHOD, frame)
+        self._last_sent = dict.fromkeys(receivers, frame)
 
-    def _here(self) -> Iterator[dict[str, Any]]:
-        """Each person once, however many screens they have open."""
+    def _list(self) -> Iterator[dict[str, Any]]:
+        """Each person once, however many connections they have, sorted by name and role."""
         connections: dict[tuple[str, str], list[ClientConnection]] = {}
         for connection in self._attached:
             if (who := connection.identity) is not None and not who.expired:

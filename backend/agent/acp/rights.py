@@ -1,4 +1,4 @@
-"""Who is at a connection, and what they may do: every operation asks here first. It changes nothing."""
+"""What the person at a connection may do: every operation checks it here first. Nothing is changed here."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from backend.identity import Identity, Right
 
 
 class Rights:
-    """Those of one connection, at this moment. Everything raises `RequestError` where the answer is no."""
+    """The rights of one connection at this moment. Every method raises `RequestError` where they do not suffice."""
 
     def __init__(self, wiring: Wiring, connection: ClientConnection) -> None:
         self._wiring = wiring
         self._connection = connection
 
     def known(self) -> Identity:
-        """Who it is."""
+        """The identity of a connection that is logged in, with a login that has not expired."""
         who = self._connection.identity
         if who is None:
             raise RequestError(wire.AUTH_REQUIRED, "Log in first: authenticate with a login token.")
@@ -28,21 +28,21 @@ class Rights:
         return who
 
     def authorized(self, right: Right) -> Identity:
-        """Who it is, and has this right."""
+        """The identity, if it has this right."""
         who = self.known()
         if not who.may(right):
             raise RequestError(wire.NOT_ALLOWED, f"The role {who.role.value} may not {right.value.replace('_', ' ')}.")
         return who
 
     async def session(self, session_id: str) -> Session:
-        """A session that this person may see."""
+        """The session, if this person may see it."""
         session = await self._wiring.sessions.get(session_id, self.known())
         if session is None:
             raise no_session(session_id)
         return session
 
     async def own(self, session_id: str) -> Session:
-        """A session that this person may change: an own one, or anyone's for a supervisor."""
+        """The session, if this person may change it: it is theirs, or they are a supervisor."""
         session = await self.session(session_id)
         who = self.known()
         if session.row.owner != who.name and not who.may(Right.TAKE_OVER):
@@ -51,5 +51,5 @@ class Rights:
 
 
 def no_session(session_id: str) -> RequestError:
-    """What is said of a session that there is not, or not for this person."""
+    """The error for a session that does not exist. One that this person may not see gets the same."""
     return RequestError(wire.INVALID_PARAMS, f"There is no session {session_id[:64]}.")

@@ -1,5 +1,5 @@
-"""What people can set in a session, mode and model, as ACP publishes it: as modes, as config options, and as the
-`models` of older clients; and the cursor of the session list.
+"""The settings of a session (mode, model, first thought, ask before driving) as ACP publishes them: as modes, as
+config options, and as the `models` of older clients. Also the cursor of the session list.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from backend.agent.sessions.store import SessionRow
 
 
 def state(session: Session, models: Sequence[str]) -> dict[str, Any]:
-    """The part of a session's answer that tells its settings."""
+    """The settings as the answers to `session/new`, `session/load` and their like contain them."""
     current = session.row.model
     return {
         "modes": {
@@ -72,7 +72,7 @@ def config_options(session: Session, models: Sequence[str]) -> list[dict[str, An
 
 
 def change(session: Session, config_id: str, value: object, models: Sequence[str]) -> list[updates.Update]:
-    """Set an option and return the updates that tell everyone. Raises `ValueError` with what can be chosen."""
+    """Set an option and return the updates to be recorded. Raises `ValueError` with the values that can be chosen."""
     changed: list[updates.Update] = []
     if config_id == "mode":
         if value not in MODE_IDS:
@@ -105,7 +105,7 @@ def next_cursor(rows: Sequence[SessionRow]) -> str | None:
 
 
 def read_cursor(cursor: str | None) -> tuple[float, str] | None:
-    """What `next_cursor` made; None, the beginning, for anything else."""
+    """The time and the session id in a cursor of `next_cursor`; None, for the first page, for any other text."""
     if cursor is None:
         return None
     try:

@@ -1,6 +1,6 @@
 """`_robot/telemetry`: the robot's small and slow state as notifications, for a client that asked for it.
 
-An extension that a client which does not know it never gets. Latest value only, at a bounded rate.
+Only a client that asked for it in `initialize` receives it: the newest state alone, at the rate that it asked for.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 METHOD = "_robot/telemetry"
 DEFAULT_HZ = 2.0
 MIN_HZ = 0.5
-"""Less would leave nobody able to tell a silence."""
+"""With fewer messages a client could not tell a robot that is silent from one that sends rarely."""
 MAX_HZ = 10.0
 
 
@@ -41,13 +41,13 @@ class TelemetryFeed:
         if self._connection.identity is None:
             return
         now = time.monotonic()
-        # A change that people wait for goes out at once; the rest at the asked rate.
+        # A change that people wait for is sent at once; everything else waits for the rate.
         key = (state is None, state and (state.stop, state.motion is None, state.speaking, state.halted))
         if key == self._sent_key and now - self._sent_at < self._every_s:
             return
         self._sent_at, self._sent_key = now, key
         message = {"jsonrpc": "2.0", "method": METHOD, "params": self._params(state)}
-        self._connection.show_latest(METHOD, orjson.dumps(message, option=orjson.OPT_APPEND_NEWLINE))
+        self._connection.deliver_latest(METHOD, orjson.dumps(message, option=orjson.OPT_APPEND_NEWLINE))
 
     def _params(self, state: telemetry.State | None) -> dict[str, Any]:
         turn = self._turn()
@@ -69,7 +69,7 @@ class TelemetryFeed:
         }
 
     def _turn(self) -> dict[str, Any] | None:
-        """Whose turn controls the robot. Who is in line for it is nobody's business who may not operate it."""
+        """The turn that controls the robot. Only those who may approve receive the queue of those that wait for it."""
         lease = self._wiring.turns.lease
         if lease.holder is None:
             return None

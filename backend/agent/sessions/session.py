@@ -34,21 +34,21 @@ class Listener(Approver, Protocol):
     """A connection that watches sessions."""
 
     @property
-    def takes_files(self) -> bool:
+    def can_write_files(self) -> bool:
         """Whether the client writes files for the agent."""
 
     @property
-    def takes_forms(self) -> bool:
+    def can_show_forms(self) -> bool:
         """Whether the client can show a form to the person."""
 
     def deliver(self, frame: bytes) -> None:
         """Send a frame soon; never waits, never raises."""
 
-    def behind(self, held_bytes: int) -> None:
-        """So much is held back for the connection until its replay is over; too much, and it is cut off."""
+    def cut_off_if_slow(self, held_bytes: int) -> None:
+        """Cut the connection off if too much waits for it, with the `held_bytes` of events held back by a replay."""
 
-    async def room(self) -> None:
-        """Return when the connection can take more, so that a long replay does not pile up."""
+    async def wait_for_space(self) -> None:
+        """Return when the connection can take more of a long replay."""
 
 
 class QueueFull(Exception):
@@ -145,7 +145,7 @@ class Session:
         for listener in self._listeners:
             if held := self._catching_up.get(listener):
                 held.add(event.frame)
-                listener.behind(held.bytes)
+                listener.cut_off_if_slow(held.bytes)
             elif listener is not event.origin:
                 listener.deliver(event.frame)
 
@@ -163,7 +163,7 @@ class Session:
                     if self._catching_up.get(listener) is not held:
                         return  # detached meanwhile, and perhaps attached anew
                     listener.deliver(event.frame)
-                    await listener.room()
+                    await listener.wait_for_space()
             except BaseException:
                 if self._catching_up.get(listener) is held:
                     self.detach(listener)  # what follows half a replay would follow a gap

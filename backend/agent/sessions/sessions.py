@@ -13,9 +13,9 @@ from typing import Any
 
 from backend import meta as keys
 from backend.agent.acp import updates
-from backend.agent.acp.abilities import look
 from backend.agent.control.permissions import Audience
 from backend.agent.robot.mcp_client import McpClient
+from backend.agent.robot.readings import read
 from backend.agent.sessions.history import History
 from backend.agent.sessions.journal import Journal
 from backend.agent.sessions.session import Listener, Session
@@ -136,7 +136,7 @@ class Sessions:
 
     async def robot_pose(self) -> dict[str, Any] | None:
         """What the pose tool says now; None when the robot is not there or has no such tool."""
-        return await look(self._tools, self._pose_tool)
+        return await read(self._tools, self._pose_tool)
 
     async def close(self) -> None:
         """Cancel every turn and wait until the robot is at rest."""

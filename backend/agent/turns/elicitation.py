@@ -29,7 +29,7 @@ async def choose(
     The person is `first`, who asked for the turn, or else one who may approve. Raises `NoAnswerError`. Cancelling this
     withdraws the question.
     """
-    able = [listener for listener in session.watching if listener.takes_forms and _may_choose(listener, first)]
+    able = [listener for listener in session.watching if listener.can_show_forms and _may_choose(listener, first)]
     if not able:
         raise NoAnswerError("Nobody can be asked this way. Put the question into your answer.")
     person = first if first in able else able[0]

@@ -1,15 +1,11 @@
 """MCP over standard input and output, in a way that can be cancelled.
 
 The SDK reads standard input in a thread that nothing can interrupt, so that a server told to end would wait for its
-client's next line. Here a daemon thread reads, and ends with the process. Standard output is the SDK's.
+client's next line. So standard input is read here; standard output is the SDK's.
 """
 
 from __future__ import annotations
 
-import asyncio
-import contextlib
-import os
-import threading
 from collections.abc import AsyncIterator
 from typing import cast
 
@@ -17,6 +13,7 @@ from anyio import AsyncFile
 from mcp.server.stdio import stdio_server
 
 from backend.mcp_robot.tools.catalogue import RobotServer
+from backend.stdio import stdin
 
 STDIN = 0
 
@@ -30,23 +27,7 @@ async def run(server: RobotServer) -> None:
 
 
 async def read_lines(descriptor: int) -> AsyncIterator[str]:
-    """Lines of a file descriptor; a last one without its newline counts."""
-    loop = asyncio.get_running_loop()
-    chunks: asyncio.Queue[bytes] = asyncio.Queue()
-
-    def read() -> None:
-        # os.read and not sys.stdin: a daemon thread that holds a buffer's lock aborts the interpreter at its exit.
-        with contextlib.suppress(OSError, RuntimeError):  # closed, or the loop has ended
-            while chunk := os.read(descriptor, 65536):
-                loop.call_soon_threadsafe(chunks.put_nowait, chunk)
-        with contextlib.suppress(RuntimeError):
-            loop.call_soon_threadsafe(chunks.put_nowait, b"")
-
-    threading.Thread(target=read, name="stdin", daemon=True).start()
-    rest = b""
-    while chunk := await chunks.get():
-        *lines, rest = (rest + chunk).split(b"\n")
-        for line in lines:
-            yield line.decode("utf-8", "replace")
-    if rest:
-        yield rest.decode("utf-8", "replace")
+    """The lines of a file descriptor, without their newlines; a last one that has none counts."""
+    async with stdin(descriptor=descriptor) as reader:
+        async for line in reader:
+            yield line.removesuffix(b"\n").decode("utf-8", "replace")

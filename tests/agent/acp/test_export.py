@@ -63,7 +63,7 @@ async def test_the_log_is_not_handed_to_one_who_has_logged_out(connect: Opener) 
 class Program:
     """A client that takes files."""
 
-    takes_files = True
+    can_write_files = True
 
     def __init__(self) -> None:
         self.asked: list[str] = []

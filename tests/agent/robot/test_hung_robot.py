@@ -48,7 +48,7 @@ async def test_a_robot_server_that_hangs_is_one_that_cannot_be_reached(tmp_path:
 async def test_who_asks_for_little_telemetry_can_still_tell_a_silence_from_it() -> None:
     link, sent = RobotClient(None, None), list[bytes]()
     wiring = SimpleNamespace(link=link, turns=SimpleNamespace(lease=Lease()), settings=Settings())
-    connection = SimpleNamespace(identity="Ana", may_approve=False, show_latest=lambda _, line: sent.append(line))
+    connection = SimpleNamespace(identity="Ana", may_approve=False, deliver_latest=lambda _, line: sent.append(line))
     feed = TelemetryFeed(cast(Wiring, wiring), cast(ClientConnection, connection), 0.01)
     state = State(0.0, "Sancho", Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), Battery(1.0, False), None, None, None)
     await link._set(state)

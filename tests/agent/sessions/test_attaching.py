@@ -38,7 +38,7 @@ class Reader(ClientConnection):
 
     may_go_on: asyncio.Event
 
-    async def room(self) -> None:
+    async def wait_for_space(self) -> None:
         await self.may_go_on.wait()
 
 
@@ -127,7 +127,7 @@ async def a_place(data: Path) -> AsyncIterator[Place]:
         try:
             await connection.serve(server.router())
         finally:
-            server.left()
+            server.close()
 
     listening = await asyncio.start_server(accept, "127.0.0.1", 0)
     client = await Client.open(f"tcp://127.0.0.1:{listening.sockets[0].getsockname()[1]}")

@@ -82,13 +82,13 @@ class Watcher:
 
     shown: list[int]
     may_approve: bool = False
-    takes_files: bool = False
-    takes_forms: bool = False
+    can_write_files: bool = False
+    can_show_forms: bool = False
 
     def deliver(self, frame: bytes) -> None:
         self.shown.append(orjson.loads(frame)["params"]["_meta"]["robot-acp/seq"])
 
-    async def room(self) -> None:
+    async def wait_for_space(self) -> None:
         pass
 
 

@@ -1,15 +1,15 @@
-"""Closing a stream: what waits is still written, but nobody is waited for who does not read."""
+"""How a stream to another process or machine is closed. Nothing here opens, reads or interprets one."""
 
 from __future__ import annotations
 
 import asyncio
 
 CLOSE_SECONDS = 1.0
-"""Clients give the process that they started about 2 s to end."""
+"""Clients give a process that they started about 2 s to end."""
 
 
 async def close(writer: asyncio.StreamWriter) -> None:
-    """Close, within `CLOSE_SECONDS`."""
+    """Close a stream. The bytes that wait are still written, for up to `CLOSE_SECONDS`; then the stream is broken."""
     writer.close()
     try:
         async with asyncio.timeout(CLOSE_SECONDS):

@@ -1,0 +1,148 @@
+"""The messages of one client on their way to their handlers, and the answers on their way back.
+
+Handlers begin in the order in which their messages arrived. Every request gets one answer, a notification none. No
+text of an exception that this agent did not write for people leaves through here.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import uuid
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import orjson
+from acp.exceptions import RequestError
+from acp.router import MessageRouter
+from pydantic import BaseModel, ValidationError
+
+from backend import wire
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class AnswerThen:
+    """What a handler returns when something has to follow its answer on the wire: `then` is called right behind it."""
+
+    answer: object
+    then: Callable[[], None]
+
+
+@dataclass(eq=False)
+class _Request:
+    """A request that is being handled."""
+
+    frame: wire.Frame
+    task: asyncio.Task[Any]
+    cancelled_by_client: bool = False
+
+
+class Dispatcher:
+    """Runs the handlers of one connection as tasks of `handlers`; `send` queues an answer."""
+
+    def __init__(self, router: MessageRouter, send: Callable[[bytes], None], handlers: asyncio.TaskGroup) -> None:
+        self._router = router
+        self._send = send
+        self._handlers = handlers
+        self._running: list[_Request] = []
+
+    async def begin(self, frame: wire.Frame) -> None:
+        """Begin to handle a message. Returns when its handler waits for the first time, or is done.
+
+        So no handler begins before those of earlier messages: a cancel finds the prompt that it is for. And every
+        message that was read has begun when the connection ends: a cancel with which the client leaves counts.
+        """
+        to_handle = self._cancel_request(frame) if frame.method == "$/cancel_request" else frame
+        if to_handle is None:
+            return
+        begun = asyncio.Event()
+        work = self._answer(to_handle, begun) if to_handle.kind == "request" else self._carry_out(to_handle, begun)
+        self._handlers.create_task(work, name=f"handler of {to_handle.method}")
+        await begun.wait()
+
+    def cancel_requests(self) -> None:
+        """Cancel the handlers of all requests: nobody is left to be answered. Notifications are carried out."""
+        for request in self._running:
+            request.task.cancel()
+
+    def _cancel_request(self, frame: wire.Frame) -> wire.Frame | None:
+        """Carry out `$/cancel_request`. The cancelled request is answered all the same, with the code -32800.
+
+        A prompt is answered when its turn has ended, so for a prompt this returns the `session/cancel` that ends it.
+        """
+        if frame.kind == "request":
+            return frame  # the protocol has no such request, and the router answers so
+        request_id = (frame.body.get("params") or {}).get("requestId")
+        if request_id is None or not wire.valid_id(request_id):
+            return None
+        request = next((r for r in reversed(self._running) if r.frame.id == request_id), None)
+        if request is None:
+            return None  # it has been answered already
+        if request.frame.method == "session/prompt":
+            session_id = (request.frame.body.get("params") or {}).get("sessionId")
+            body = {"jsonrpc": "2.0", "method": "session/cancel", "params": {"sessionId": session_id}}
+            return wire.Frame("notification", "session/cancel", None, body, b"")
+        request.cancelled_by_client = True
+        request.task.cancel()
+        return None
+
+    async def _carry_out(self, notification: wire.Frame, begun: asyncio.Event) -> None:
+        begun.set()  # `begin` goes on when this task waits or ends: until then nothing else runs
+        try:
+            await self._router(str(notification.method), notification.body.get("params") or {}, True)
+        except (RequestError, ValidationError):
+            pass  # an unknown, refused or malformed notification is ignored
+        except Exception:
+            log.exception("the notification %s failed", notification.method)
+
+    async def _answer(self, frame: wire.Frame, begun: asyncio.Event) -> None:
+        begun.set()  # as above
+        task = asyncio.current_task()
+        assert task is not None  # noqa: S101 - a coroutine always runs in a task
+        request = _Request(frame, task)
+        self._running.append(request)
+        then: Callable[[], None] | None = None
+        try:
+            answer: object = await self._router(str(frame.method), frame.body.get("params") or {}, False)
+            if isinstance(answer, AnswerThen):
+                then, answer = answer.then, answer.answer
+            reply = _frame(frame.id, "result", _plain(answer))
+        except asyncio.CancelledError:
+            if not request.cancelled_by_client:
+                raise
+            reply = _frame(frame.id, "error", RequestError(wire.CANCELLED, "Cancelled.").to_error_obj())
+        except Exception as error:
+            reply = _frame(frame.id, "error", _error_for_strangers(error, str(frame.method)).to_error_obj())
+        finally:
+            self._running.remove(request)
+        self._send(reply)
+        if then is not None:
+            then()
+
+
+def _plain(answer: object) -> object:
+    if isinstance(answer, BaseModel):
+        return answer.model_dump(mode="json", by_alias=True, exclude_none=True, exclude_unset=True)
+    return answer
+
+
+def _frame(request_id: wire.RequestId, kind: str, content: object) -> bytes:
+    return orjson.dumps({"jsonrpc": "2.0", "id": request_id, kind: content}, option=orjson.OPT_APPEND_NEWLINE)
+
+
+def _error_for_strangers(error: Exception, method: str) -> RequestError:
+    """The error that a client may see. For an unexpected exception it contains only a reference into the log."""
+    if isinstance(error, RequestError):
+        if error.code == wire.METHOD_NOT_FOUND:
+            return RequestError(error.code, f"There is no method {method[:80]}.")
+        return error
+    if isinstance(error, ValidationError):
+        problems = [{"at": ".".join(map(str, e["loc"])), "problem": e["type"]} for e in error.errors()[:10]]
+        return RequestError.invalid_params({"errors": problems})
+    reference = uuid.uuid4().hex[:8]
+    log.error("%s failed (reference %s)", method, reference, exc_info=error)
+    message = f"Something went wrong inside the agent. Its log says what, under {reference}."
+    return RequestError(wire.INTERNAL_ERROR, message)
