@@ -26,7 +26,7 @@ from backend.agent.sessions.journal import Journal
 from backend.agent.sessions.sessions import Sessions
 from backend.agent.sessions.store import Store
 from backend.agent.turns import model
-from backend.agent.turns.turn import TurnEnvironment
+from backend.agent.turns.environment import TurnEnvironment
 from backend.agent.wiring import Wiring
 from backend.config import ConfigError, Settings
 from backend.descriptors import raise_limit

@@ -23,7 +23,7 @@ async def event_page(sessions: Sessions, session: Session, params: dict[str, Any
     """The events after number `after`, at most `limit`, and the number of the session's last one, in `last`."""
     after, limit = _number(params, "after", 0), min(_number(params, "limit", MOST), MOST)
     await session.flushed()  # else what the same client did just now could be missing
-    last = session.shown
+    last = session.last_shown
     after = min(after, last)
     events: list[dict[str, Any]] = []
     size = 0

@@ -133,7 +133,7 @@ class Operations:
             if not self._wiring.sessions.shows(session, who):
                 self._detach(session.id)
             elif self._connection in session.watching:  # else it is judged when it is attached
-                session.judge(self._connection)
+                session.rights_changed(self._connection)
 
     def _detach(self, session_id: str) -> None:
         if session := self._attached.pop(session_id, None):  # what waits to be attached is not attached any more
@@ -165,7 +165,7 @@ class Operations:
         offers = self._offers(mcp_servers)
         agent = self._wiring.settings.agent
         session = await self._wiring.sessions.create(who.name, cwd, agent.default_mode, agent.model)
-        await session.offered.take(offers)
+        await session.client_servers.take(offers)
         await self._attach(session)
         return {"sessionId": session.id} | settings.state(session, self._wiring.models)
 
@@ -213,7 +213,7 @@ class Operations:
         who = self._rights.authorized(Right.PROMPT)
         offers = self._offers(mcp_servers)
         fork = await self._wiring.sessions.fork(await self._rights.session(session_id), who.name)
-        await fork.offered.take(offers)  # those of the original stay there: their headers are somebody's secrets
+        await fork.client_servers.take(offers)  # those of the original stay there: their headers are somebody's secrets
         await self._attach(fork)
         return {"sessionId": fork.id} | settings.state(fork, self._wiring.models)
 
@@ -279,13 +279,8 @@ class Operations:
             await self._watch(session)  # behind no replay: a cancel that comes next must find the turn
         turn = Turn(self._wiring.turns, session, who, blocks, self._connection, stopped)
 
-        async def work() -> str:
-            if session.row.start_pose is None and (pose := await self._wiring.sessions.robot_pose()):
-                session.change(start_pose=pose)
-            return await turn.run()
-
         try:
-            reason = await session.run_turn(work)
+            reason = await session.run_turn(turn)
         except QueueFull as full:
             raise RequestError(wire.INTERNAL_ERROR, str(full)) from None
         await session.flushed()
@@ -356,7 +351,7 @@ class Operations:
         offers = self._offers(servers)
         session = await self._rights.session(session_id)
         if offers:
-            await session.offered.take(offers)
+            await session.client_servers.take(offers)
         return session
 
     async def _attach(self, session: Session, after: int | None = None) -> None:

@@ -1,7 +1,9 @@
-"""Questions to people: may the robot do this? Everyone who may approve is asked; the first valid answer counts.
+"""Permission requests to people: who is asked whether a tool call may run, and which answer counts.
 
-Only an `allow_*` option that was offered allows. A rejection, an answer that makes no sense, no answer in
-time, nobody to ask: all of these refuse. The rest of the askers see the question withdrawn.
+Everyone attached to the session who may approve is asked, and the first valid answer counts. Only an `allow_*` option
+that was offered allows the call. A rejection, an invalid answer, no answer in time, and nobody to ask all refuse it. As
+soon as one person has answered, the request is withdrawn from the others. Whether people are asked at all is decided
+in `permission.py`.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ from backend import meta as keys
 log = logging.getLogger(__name__)
 
 GRACE_S = 10.0
-"""How long somebody who has gone is expected back, as from a page that is loaded again, before nobody is there."""
+"""A person who disconnected less than so long ago is expected back: reloading a web page takes a few seconds."""
 
 Reason = Literal["selected", "remembered", "timeout", "nobody"]
 
@@ -30,23 +32,27 @@ _ONCE = ("allow_once", "reject_once")
 
 
 class Approver(Protocol):
-    """A connection that can be asked. `request` ends with the client's result, and raises on an error or a
-    lost connection; cancelling it withdraws the question at the client."""
+    """A client connection that can be sent requests."""
 
     @property
     def name(self) -> str:
-        """Who this is, for people."""
+        """The name of the person, for people."""
 
     @property
     def may_approve(self) -> bool:
-        """Whether this person's answer counts, at this moment."""
+        """Whether this person's answer counts at this moment."""
 
-    async def request(self, method: str, params: dict[str, Any]) -> Any: ...
+    async def request(self, method: str, params: dict[str, Any]) -> Any:
+        """Send a request and return its result. Cancelling this withdraws the request from the client.
+
+        Raises `ConnectionError` when the connection is lost, and another exception for an error response.
+        """
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """How a question ended. `allowed` is true only for a chosen `allow_*` option; `by` is who chose."""
+class Outcome:
+    """How a permission request ended. `allowed` is true only where an `allow_*` option was chosen, `option` is the
+    chosen option, and `by` the name of the person who chose it."""
 
     allowed: bool
     reason: Reason
@@ -54,13 +60,8 @@ class Verdict:
     by: str | None = None
 
     @property
-    def remembered(self) -> bool:
-        """Whether it is to count for this tool for the rest of the session."""
-        return self.reason == "selected" and self.option in ("allow_always", "reject_always")
-
-    @property
     def refusal(self) -> str:
-        """Why it was not allowed, in words for people and the model."""
+        """Why the call was not allowed, in words for people and the model."""
         match self.reason:
             case "selected":
                 return f"refused by {self.by}"
@@ -73,15 +74,17 @@ class Verdict:
 
 
 def options(subject: str, *, once: bool = False) -> list[dict[str, str]]:
-    """The four answers, in words for people, or the two that count `once`; `subject` is what the tool does, as in
-    "speech"."""
+    """The four options of a permission request, named for people; with `once`, only the two that count for this call.
+
+    `subject` names what the tool does, for instance "speech".
+    """
     names = ("Allow", f"Allow {subject} in this session", "Don't", f"Never {subject} in this session")
     all_four = zip(OPTION_KINDS, names, strict=True)
     return [{"optionId": k, "name": n, "kind": k} for k, n in all_four if k in _ONCE or not once]
 
 
 def read_answer(result: Any, offered: Collection[str] = OPTION_KINDS) -> str | None:
-    """The option that a client's answer chose, if it is one of those offered; else None, which refuses."""
+    """The option that a client's answer selects, or None where the answer is invalid or the option was not offered."""
     try:
         outcome = RequestPermissionResponse.model_validate(result).outcome
     except ValidationError:
@@ -91,100 +94,113 @@ def read_answer(result: Any, offered: Collection[str] = OPTION_KINDS) -> str | N
 
 
 @dataclass(eq=False)
-class Question:
-    """One pending question and the clients that see it."""
+class PermissionRequest:
+    """One pending permission request. `excluded` is the name of a person who is not asked, because two people have to
+    agree and this one asked for the call."""
 
     params: dict[str, Any]
-    verdict: asyncio.Future[Verdict]
-    not_by: str | None = None
-    asked: dict[Approver, asyncio.Task[None]] = field(default_factory=dict)
+    outcome: asyncio.Future[Outcome]
+    excluded: str | None = None
+    sent: dict[Approver, asyncio.Task[None]] = field(default_factory=dict)
+    """The connections that the request was sent to and that have not answered it."""
 
 
-class Audience:
-    """Who may come to a desk without being attached to it: those who have gone a moment ago, and those who watch other
-    sessions, for telemetry tells them whose turn controls the robot. One for all desks: a page that is loaded again may
-    come to any of them. `everybody` tells who watches anything."""
+class AbsentApprovers:
+    """People who may approve, are not attached to a session, and may still attach to it.
 
-    def __init__(self, everybody: Callable[[], Iterable[Approver]] = tuple) -> None:
+    These are the people who disconnected less than `grace_s` seconds ago, and those who are attached to other sessions
+    only: the telemetry shows them which session controls the robot. All sessions share one instance, because a page
+    that is reloaded may open any session. `everybody` returns the connections that are attached to any session.
+    """
+
+    def __init__(self, everybody: Callable[[], Iterable[Approver]] = tuple, grace_s: float = GRACE_S) -> None:
         self._everybody = everybody
-        self._expected: dict[str, asyncio.TimerHandle] = {}
-        """Those who have gone a moment ago, by name, and when they are expected no longer."""
-        self.asking: set[PermissionDesk] = set()
-        """Desks with a question."""
+        self._grace_s = grace_s
+        self._disconnected: dict[str, asyncio.TimerHandle] = {}
+        """People who disconnected a moment ago, by name, and the timer that ends their time to return."""
+        self.waiting: set[PermissionRequests] = set()
+        """The sessions that have a pending request."""
 
-    def may_come(self, here: Collection[Approver], not_by: str | None) -> bool:
-        """Whether somebody other than `not_by` who may approve is not `here`, and may come."""
-        elsewhere = (person.name for person in self._everybody() if person.may_approve and person not in here)
-        return any(name != not_by for name in (*self._expected, *elsewhere))
+    def may_attach(self, attached: Collection[Approver], excluded: str | None) -> bool:
+        """Whether somebody who may approve, other than `excluded`, is not among `attached` and may still attach."""
+        elsewhere = (person.name for person in self._everybody() if person.may_approve and person not in attached)
+        return any(name != excluded for name in (*self._disconnected, *elsewhere))
 
-    def gone(self, approver: Approver) -> None:
-        """Expect somebody back for a while, if they could still answer."""
-        self.back(approver)
+    def disconnected(self, approver: Approver) -> None:
+        """Expect this person back for `grace_s` seconds, provided that their answer would still count."""
+        self.returned(approver)
         if approver.may_approve:
-            loop = asyncio.get_running_loop()
-            self._expected[approver.name] = loop.call_later(GRACE_S, self._expect_no_longer, approver.name)
+            timer = asyncio.get_running_loop().call_later(self._grace_s, self._did_not_return, approver.name)
+            self._disconnected[approver.name] = timer
         else:
-            self._judge()
+            self._refuse_unanswerable()
 
-    def back(self, approver: Approver) -> None:
-        """Somebody need not be expected any longer."""
-        if expected := self._expected.pop(approver.name, None):
-            expected.cancel()
+    def returned(self, approver: Approver) -> None:
+        """Stop expecting this person back."""
+        if timer := self._disconnected.pop(approver.name, None):
+            timer.cancel()
 
-    def _expect_no_longer(self, name: str) -> None:
-        del self._expected[name]
-        self._judge()
+    def _did_not_return(self, name: str) -> None:
+        del self._disconnected[name]
+        self._refuse_unanswerable()
 
-    def _judge(self) -> None:
-        for desk in self.asking:
-            desk.judge()
+    def _refuse_unanswerable(self) -> None:
+        for requests in self.waiting:
+            requests.refuse_unanswerable()
 
 
-class PermissionDesk:
-    """The pending questions of one session."""
+class PermissionRequests:
+    """The pending permission requests of one session, and the attached connections that may answer them."""
 
     def __init__(
-        self, timeout_s: float, spawn: Callable[[Any], asyncio.Task[None]], audience: Audience | None = None
+        self, timeout_s: float, spawn: Callable[[Any], asyncio.Task[None]], absent: AbsentApprovers | None = None
     ) -> None:
+        """`timeout_s` is the time for an answer in seconds; `spawn` starts a task and keeps it referenced."""
         self.timeout_s = timeout_s
         self._spawn = spawn
-        self._audience = audience or Audience()
-        self._pending: list[Question] = []
+        self._absent = absent or AbsentApprovers()
+        self._pending: list[PermissionRequest] = []
         self._approvers: list[Approver] = []
 
     def attach(self, approver: Approver) -> None:
-        """Someone who may approve has come: show what is pending, and ask from now on."""
+        """Send the pending requests to a connection, and every later one."""
         if approver in self._approvers:
             return
         self._approvers.append(approver)
-        self._audience.back(approver)
-        for question in self._pending:
-            self._put(question, approver)
+        self._absent.returned(approver)
+        for request in self._pending:
+            self._send(request, approver)
 
-    def detach(self, approver: Approver, *, returns: bool = False) -> None:
-        """Someone has gone; a question that nobody sees any more is refused: if they are not back soon, at once if it
-        is their right that has gone, and not at all because of one who `returns` for sure."""
+    def detach(self, approver: Approver, *, reattaching: bool = False) -> None:
+        """Send no more requests to a connection, and withdraw the pending ones from it.
+
+        A request that is then pending with nobody is refused at once where this person may no longer approve, and
+        after the grace period where they may. With `reattaching`, the caller attaches the same connection again, so
+        nothing is refused.
+        """
         if approver not in self._approvers:
             return
         self._approvers.remove(approver)
-        for question in self._pending:
-            if task := question.asked.pop(approver, None):
+        for request in self._pending:
+            if task := request.sent.pop(approver, None):
                 task.cancel()
-        if not returns:
-            self._audience.gone(approver)
+        if not reattaching:
+            self._absent.disconnected(approver)
 
-    def judge(self) -> None:
-        """Refuse the questions that nobody sees and nobody may come to. Whoever is here and not asked has given an
-        answer that does not count."""
-        for question in self._pending:
-            seen = question.asked or self._audience.may_come(self._approvers, question.not_by)
-            if not seen and not question.verdict.done():
-                question.verdict.set_result(Verdict(False, "nobody"))
+    def refuse_unanswerable(self) -> None:
+        """Refuse every request that is pending with nobody and that nobody may still attach to answer.
 
-    def attended(self, not_by: str | None = None) -> bool:
-        """Whether a question has a chance: somebody other than `not_by` who may approve is attached, or may come."""
-        here = self._approvers
-        return any(approver.name != not_by for approver in here) or self._audience.may_come(here, not_by)
+        An attached person with whom it is no longer pending has given an answer that does not count.
+        """
+        for request in self._pending:
+            answerable = request.sent or self._absent.may_attach(self._approvers, request.excluded)
+            if not answerable and not request.outcome.done():
+                request.outcome.set_result(Outcome(False, "nobody"))
+
+    def has_approver(self, excluded: str | None = None) -> bool:
+        """Whether somebody who may approve, other than `excluded`, is attached to the session or may still attach."""
+        attached = self._approvers
+        return any(person.name != excluded for person in attached) or self._absent.may_attach(attached, excluded)
 
     async def ask(
         self,
@@ -192,17 +208,18 @@ class PermissionDesk:
         tool_call: dict[str, Any],
         subject: str,
         asker: str,
-        not_by: str | None = None,
+        excluded: str | None = None,
         preview: dict[str, Any] | None = None,
-    ) -> Verdict:
-        """Ask everyone who may approve but `not_by`, and wait for the first valid answer, at most for the time limit.
+    ) -> Outcome:
+        """Ask everyone who may approve, other than `excluded`, and return how the request ended.
 
-        With `not_by`, two people agree on this one call: no answer is offered that would count for later ones.
-        `subject` names what an "always" would count for, `preview` tells what would happen.
-        Cancelling the call withdraws the question everywhere.
+        With `excluded`, two people have to agree on this one call, so the options that count for the whole session are
+        not offered. `subject` names what an "always" would count for; `preview` is the `_meta` that tells what the
+        call would do. The request ends with the first valid answer, at the latest after `timeout_s` seconds.
+        Cancelling this withdraws the request from everyone.
         """
-        if not self.attended(not_by):
-            return Verdict(False, "nobody")
+        if not self.has_approver(excluded):
+            return Outcome(False, "nobody")
         expires = datetime.now(UTC) + timedelta(seconds=self.timeout_s)
         meta: dict[str, Any] = {
             keys.EXPIRES: expires.isoformat(),
@@ -215,49 +232,51 @@ class PermissionDesk:
         params = {
             "sessionId": session_id,
             "toolCall": tool_call,
-            "options": options(subject, once=not_by is not None),
+            "options": options(subject, once=excluded is not None),
             "_meta": meta,
         }
-        question = Question(params, asyncio.get_running_loop().create_future(), not_by)
-        self._pending.append(question)
-        self._audience.asking.add(self)
+        return await self._outcome(PermissionRequest(params, asyncio.get_running_loop().create_future(), excluded))
+
+    async def _outcome(self, request: PermissionRequest) -> Outcome:
+        self._pending.append(request)
+        self._absent.waiting.add(self)
         for approver in self._approvers:
-            self._put(question, approver)
+            self._send(request, approver)
         try:
             async with asyncio.timeout(self.timeout_s):
-                return await question.verdict
+                return await request.outcome
         except TimeoutError:
-            return Verdict(False, "timeout")
+            return Outcome(False, "timeout")
         finally:
-            self._pending.remove(question)
+            self._pending.remove(request)
             if not self._pending:
-                self._audience.asking.discard(self)
-            for task in question.asked.values():
+                self._absent.waiting.discard(self)
+            for task in request.sent.values():
                 task.cancel()
 
-    def _put(self, question: Question, approver: Approver) -> None:
-        if approver.name == question.not_by:
+    def _send(self, request: PermissionRequest, approver: Approver) -> None:
+        if approver.name == request.excluded:
             return
-        question.asked[approver] = self._spawn(self._put_to(question, approver))
+        request.sent[approver] = self._spawn(self._await_answer(request, approver))
 
-    async def _put_to(self, question: Question, approver: Approver) -> None:
+    async def _await_answer(self, request: PermissionRequest, approver: Approver) -> None:
         try:
-            answer = await approver.request("session/request_permission", question.params)
-            # What somebody may do can have changed since the question was put.
-            offered = [option["optionId"] for option in question.params["options"]]
+            answer = await approver.request("session/request_permission", request.params)
+            # The person's rights can have changed since the request was sent.
+            offered = [option["optionId"] for option in request.params["options"]]
             option = read_answer(answer, offered) if approver.may_approve else None
         except ConnectionError:
-            if question.asked.pop(approver, None) and approver in self._approvers:
-                self._audience.gone(approver)
+            if request.sent.pop(approver, None) and approver in self._approvers:
+                self._absent.disconnected(approver)
             return
-        except Exception as error:  # an error response; it must not break the turn
+        except Exception as error:  # an error response, which must not end the turn
             log.info("no answer from %s: %s", approver.name, type(error).__name__)
             option = None
-        if question.verdict.done():
+        if request.outcome.done():
             return
         if option is not None:
             allowed = option.startswith("allow_")
-            question.verdict.set_result(Verdict(allowed, "selected", option, approver.name))
+            request.outcome.set_result(Outcome(allowed, "selected", option, approver.name))
             return
-        question.asked.pop(approver, None)
-        self.judge()
+        request.sent.pop(approver, None)
+        self.refuse_unanswerable()

@@ -399,8 +399,8 @@ async def test_a_session_that_nobody_uses_lets_its_servers_go(
     nowhere = McpClient(f"http://127.0.0.1:{free_port()}/mcp", absent="There is no robot.")
     kept = Sessions(store, Journal(store), nowhere, "get_current_pose", 1.0)
     session = await kept.create("Ana", "/", "supervised", "offline/commands")
-    await session.offered.take([Offer("lab", lab.url, {})])
-    await session.offered.beside({})
+    await session.client_servers.take([Offer("lab", lab.url, {})])
+    await session.client_servers.beside({})
     await kept.create("Ana", "/", "supervised", "offline/commands")
     assert len(connections()) == 1
     monkeypatch.setattr(agent_sessions, "IDLE_S", -1.0)

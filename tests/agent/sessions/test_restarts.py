@@ -143,11 +143,11 @@ async def keep_a_long_past(database: Database, turns: int) -> None:
     store = Store(database.url)
     await store.open()
     await store.add_session(SessionRow("long", "Ana", None, "/", "supervised", "offline/commands", None, 0.0, 0.0))
-    updates: list[updates.Update] = []
+    past: list[updates.Update] = []
     for number in range(turns):
-        updates.append(updates.user_message(updates.text_block("words " * 50), "Ana", str(number)))
-        updates.append(updates.message("words " * 50) | {"_meta": updates.turn_ended(str(number), "end_turn")["_meta"]})
-    await store.append([Event("long", seq, 0.0, as_json(update)) for seq, update in enumerate(updates, 1)])
+        past.append(updates.user_message(updates.text_block("words " * 50), "Ana", str(number)))
+        past.append(updates.message("words " * 50) | {"_meta": updates.turn_ended(str(number), "end_turn")["_meta"]})
+    await store.append([Event("long", seq, 0.0, as_json(update)) for seq, update in enumerate(past, 1)])
     await store.close()
 
 
