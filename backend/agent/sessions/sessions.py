@@ -30,7 +30,7 @@ log = logging.getLogger(__name__)
 PAGE = 50
 """Sessions of one page of the list."""
 IDLE_S = 600.0
-"""A session that nobody uses leaves the memory after so many seconds."""
+"""A session that nobody uses is removed from memory after so many seconds."""
 
 
 class Sessions:
@@ -44,14 +44,17 @@ class Sessions:
         pose_tool: str,
         permission_timeout_s: float,
         grace_s: float = GRACE_S,
+        idle_s: float = IDLE_S,
     ) -> None:
         """`pose_tool` is the robot's tool that returns its pose, `permission_timeout_s` the time for an answer to a
-        permission request, `grace_s` how long a person who disconnected is expected back; both in seconds."""
+        permission request, `grace_s` how long a person who disconnected is expected back, `idle_s` how long a session
+        that nobody uses stays in memory; all in seconds."""
         self._store = store
         self._journal = journal
         self._tools = tools
         self._pose_tool = pose_tool
         self._permission_timeout_s = permission_timeout_s
+        self.idle_s = idle_s
         self._open: dict[str, Session] = {}
         self._opening = asyncio.Lock()
         self._tasks: set[asyncio.Task[None]] = set()
@@ -109,7 +112,7 @@ class Sessions:
 
     def _forget_idle(self) -> None:
         """Remove sessions that nobody uses from memory; the database has them."""
-        long_ago = time.monotonic() - IDLE_S
+        long_ago = time.monotonic() - self.idle_s
         for session in self.open_sessions:
             if session.busy or session.watching or self._journal.unkept(session.id):
                 continue
