@@ -128,7 +128,7 @@ class Store:
     def __init__(self, url: str, *, writes: bool = True, page_bytes: int = PAGE_BYTES) -> None:
         self._url = url
         self._writes = writes
-        self._page_bytes = page_bytes
+        self.page_bytes = page_bytes
         self._engine: sa.Engine | None = None
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="store")
         self._searching = asyncio.Lock()
@@ -219,7 +219,7 @@ class Store:
             last, size = after, 0
             for seq, length in connection.execute(sizes.limit(_PAGE)):
                 last, size = seq, size + length
-                if size >= self._page_bytes:
+                if size >= self.page_bytes:
                     break
             page = sa.select(_events).where(this & (_events.c.seq <= last)).order_by(_events.c.seq)
             return connection.execute(page).all()
