@@ -41,7 +41,7 @@ AT_LEAST_IN_A_HUNDRED = {
     "kill in mid-drive": 10,
     "told that a turn was cut short": 10,
     "all was quiet": 80,
-    "events looked at": 4000,
+    "events checked": 4000,
 }
 """How often each of these has to happen in a hundred interleavings: a test that does nothing finds nothing."""
 
