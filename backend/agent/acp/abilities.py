@@ -10,14 +10,13 @@ from typing import Any
 
 from backend.agent.robot.mcp_client import McpClient, ServerUnavailable
 
-READ_TIMEOUT_S = 2.0
+LOOK_TIMEOUT_S = 2.0
 
 
-async def read_tool(tools: McpClient, name: str) -> dict[str, Any] | None:
-    """The structured result of the tool `name`, which only reads; None when the robot is not there or has no such
-    tool."""
+async def look(tools: McpClient, name: str) -> dict[str, Any] | None:
+    """What the tool `name`, which only looks, says now; None when the robot is not there or has no such tool."""
     try:
-        async with asyncio.timeout(READ_TIMEOUT_S):
+        async with asyncio.timeout(LOOK_TIMEOUT_S):
             if name not in await tools.tools():
                 return None
             result = await tools.call(name, {})
@@ -29,7 +28,7 @@ async def read_tool(tools: McpClient, name: str) -> dict[str, Any] | None:
 async def abilities(tools: McpClient, places_tool: str) -> dict[str, Any]:
     """The answer to `_robot/abilities`. Raises `ServerUnavailable`."""
     known = await tools.tools()
-    told = await read_tool(tools, places_tool) or {}
+    told = await look(tools, places_tool) or {}
     nodes = told.get("nodes")
     places = [_place(node) for node in nodes if _is_place(node)] if isinstance(nodes, list) else []
     return {

@@ -39,7 +39,7 @@ Pose = dict[str, Any]
 
 
 class Listener(Approver, Protocol):
-    """A connection that can be attached to sessions."""
+    """A connection that watches sessions."""
 
     @property
     def takes_files(self) -> bool:
@@ -53,8 +53,7 @@ class Listener(Approver, Protocol):
         """Send a frame soon; never waits, never raises."""
 
     def behind(self, held_bytes: int) -> None:
-        """Receive how many bytes the session holds back until the connection's replay is over. A connection for which
-        too much is held back cuts itself off."""
+        """So much is held back for the connection until its replay is over; too much, and it is cut off."""
 
     async def room(self) -> None:
         """Return when the connection can take more, so that a long replay does not pile up."""

@@ -16,7 +16,7 @@ from typing import Any
 
 from backend import meta as keys
 from backend.agent.acp import updates
-from backend.agent.acp.abilities import read_tool
+from backend.agent.acp.abilities import look
 from backend.agent.control.approvers import GRACE_S, AbsentApprovers
 from backend.agent.robot.mcp_client import McpClient
 from backend.agent.sessions.history import History
@@ -156,7 +156,7 @@ class Sessions:
 
     async def robot_pose(self) -> dict[str, Any] | None:
         """The result of the pose tool; None when the robot is not there or has no such tool."""
-        return await read_tool(self._tools, self._pose_tool)
+        return await look(self._tools, self._pose_tool)
 
     async def close(self) -> None:
         """Cancel every turn and wait until the robot is at rest."""
