@@ -22,10 +22,10 @@ ROOMS: dict[str, set[str]] = {
     "wiring": {"acp.people", "sessions", "turns", "robot"},
     "acp": {"wiring", "sessions", "turns", "control", "robot"},
     "turns": {"acp.updates", "acp.commands", "acp.export", "sessions", "control", "robot", "offline"},
-    "control": {"acp.updates", "sessions", "robot"},
-    "sessions": {"acp.updates", "control.permissions", "robot"},
+    "control": {"acp.updates", "turns.phases", "sessions", "robot"},
+    "sessions": {"acp.updates", "control.approvers", "robot"},
     "robot": {"control.policy"},
-    "offline": set(),
+    "offline": {"sessions.history", "turns.model", "turns.prompts"},
 }
 """Room of the agent -> the other rooms, or the single files of them, that its files may import.
 

@@ -23,8 +23,8 @@ from backend.agent.sessions.database import StoreError
 from backend.agent.sessions.journal import Journal
 from backend.agent.sessions.sessions import Sessions
 from backend.agent.sessions.store import Store
-from backend.agent.turns import model
-from backend.agent.turns.turn import TurnEnvironment
+from backend.agent.turns import model, providers
+from backend.agent.turns.environment import TurnEnvironment
 from backend.agent.wiring import Wiring
 from backend.config import ConfigError, Settings
 from backend.descriptors import raise_limit
@@ -187,7 +187,7 @@ async def _warm_up(tools: McpClient, default_model: str) -> None:
     """Connect to the robot and load the provider of the default model before anybody asks."""
     with contextlib.suppress(Exception):
         await tools.tools()  # a robot that is not there yet is no error: the first prompt connects again
-    await model.ready(default_model)
+    await providers.ready(default_model)
 
 
 def _is_loopback(writer: asyncio.StreamWriter) -> bool:

@@ -9,7 +9,7 @@ from backend.agent.robot.robot_client import RobotClient
 from backend.agent.robot.server_addresses import AllowList
 from backend.agent.sessions.journal import Journal
 from backend.agent.sessions.sessions import Sessions
-from backend.agent.turns.turn import TurnEnvironment
+from backend.agent.turns.environment import TurnEnvironment
 from backend.config import Settings
 from backend.tokens import Registry
 

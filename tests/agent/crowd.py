@@ -38,8 +38,8 @@ PRELOADED_AGENT = """
 import asyncio, sys
 from backend import cli
 from backend.agent import server
-from backend.agent.turns import model
-asyncio.run(model.ready(model.OFFLINE_MODEL))
+from backend.agent.turns import model, providers
+asyncio.run(providers.ready(model.OFFLINE_MODEL))
 if sys.stdin.readline():
     sys.exit(cli.main(["agent"]))
 """

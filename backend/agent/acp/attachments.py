@@ -66,7 +66,7 @@ class Attachments:
             if not self._all_sessions.shows(session, who):
                 self.detach(session.id)
             elif self._connection in session.watching:  # else attaching does it
-                session.judge(self._connection)
+                session.rights_changed(self._connection)
 
     def detach(self, session_id: str) -> None:
         """Leave a session. An attachment that still waits does not happen."""

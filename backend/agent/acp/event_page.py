@@ -26,7 +26,7 @@ async def event_page(sessions: Sessions, session: Session, params: dict[str, Any
     """
     after, limit = _number(params, "after", 0), min(_number(params, "limit", MAX_EVENTS), MAX_EVENTS)
     await session.flushed()  # an event that this client caused just now has to be in the page
-    last = session.shown
+    last = session.last_shown
     after = min(after, last)
     events: list[dict[str, Any]] = []
     size = 0

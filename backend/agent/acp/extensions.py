@@ -15,7 +15,7 @@ from backend import wire
 from backend.agent.acp.abilities import abilities
 from backend.agent.acp.event_page import event_page
 from backend.agent.acp.rights import Rights
-from backend.agent.control.lease import SomebodyElse
+from backend.agent.control.lease import HeldByAnother
 from backend.agent.robot.mcp_client import ServerUnavailable
 from backend.agent.robot.robot_client import RobotError
 from backend.agent.wiring import Wiring
@@ -80,6 +80,6 @@ class Extensions:
             raise RequestError(wire.INVALID_PARAMS, "from must be the id of a session.")
         try:
             loser = self._wiring.turns.lease.take_over(params.get("sessionId"), by, expected_holder)
-        except SomebodyElse as other:
+        except HeldByAnother as other:
             raise RequestError(wire.INVALID_PARAMS, str(other), {"holder": other.holder}) from None
         return {"from": loser.by if loser else None}

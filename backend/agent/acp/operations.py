@@ -116,7 +116,7 @@ class Operations:
         offers = self._read_offers(request.mcp_servers)
         agent = self._wiring.settings.agent
         session = await self._wiring.sessions.create(who.name, request.cwd, agent.default_mode, agent.model)
-        await session.offered.take(offers)
+        await session.client_servers.take(offers)
         await self._attachments.attach(session)
         return self._with_commands(session, {"sessionId": session.id} | settings.state(session, self._wiring.models))
 
@@ -140,7 +140,7 @@ class Operations:
         who = self._rights.authorized(Right.PROMPT)
         offers = self._read_offers(request.mcp_servers)
         fork = await self._wiring.sessions.fork(await self._rights.session(request.session_id), who.name)
-        await fork.offered.take(offers)  # those of the original stay there: their headers are somebody's secrets
+        await fork.client_servers.take(offers)  # those of the original stay there: their headers are somebody's secrets
         await self._attachments.attach(fork)
         return self._with_commands(fork, {"sessionId": fork.id} | settings.state(fork, self._wiring.models))
 
@@ -205,13 +205,8 @@ class Operations:
             await self._attachments.attach_at_once(session)  # waiting for a replay, the turn would miss a cancel
         turn = Turn(self._wiring.turns, session, who, blocks, self._connection, stopped)
 
-        async def work() -> str:
-            if session.row.start_pose is None and (pose := await self._wiring.sessions.robot_pose()):
-                session.change(start_pose=pose)
-            return await turn.run()
-
         try:
-            reason = await session.run_turn(work)
+            reason = await session.run_turn(turn)
         except QueueFull as full:
             raise RequestError(wire.INTERNAL_ERROR, str(full)) from None
         await session.flushed()
@@ -277,7 +272,7 @@ class Operations:
         offers = self._read_offers(servers)
         session = await self._rights.session(session_id)
         if offers:
-            await session.offered.take(offers)
+            await session.client_servers.take(offers)
         return session
 
     def _reopened_state(self, session: Session) -> dict[str, Any]:

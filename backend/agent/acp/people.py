@@ -70,5 +70,5 @@ class People:
 
     def _watched(self, connection: ClientConnection) -> Iterator[str]:
         for session in reversed(list(self._attached[connection].values())):
-            if connection in session.watching and not session.ended:
+            if connection in session.watching and not session.deleted:
                 yield session.id

@@ -1,6 +1,6 @@
 """ACP updates as plain dictionaries: one function for each kind of `session/update` that the agent sends.
 
-Only types of ACP version 1 are made here, because clients break on others; what is ours goes into `_meta`.
+Only types of ACP version 1 are made here, because clients break on others. What is not in ACP goes into `_meta`.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import json
 from typing import Any, Literal
 
 from backend import meta as keys
-from backend.agent.control.permissions import Verdict
+from backend.agent.control.approvers import Outcome
 from backend.agent.robot.mcp_client import Progress, Tool, ToolResult
 from backend.agent.turns.phases import Phase
 
@@ -23,7 +23,7 @@ def text_block(text: str) -> dict[str, Any]:
 
 
 def user_message(block: dict[str, Any], by: str, turn_id: str) -> Update:
-    """One block of somebody's prompt; begins the turn."""
+    """One block of a person's prompt. The first one begins the turn."""
     meta = {keys.BY: by, keys.TURN: {"id": turn_id, "state": "running"}}
     return {"sessionUpdate": "user_message_chunk", "content": block, "_meta": meta}
 
@@ -38,17 +38,17 @@ def message(text: str) -> Update:
     return {"sessionUpdate": "agent_message_chunk", "content": text_block(text)}
 
 
-def lost(text: str, taken_by: str | None) -> Update:
-    """The robot was taken away from the turn; by whom, where it was a person."""
+def lease_revoked(text: str, taken_by: str | None) -> Update:
+    """The message that the turn's lease was revoked; `taken_by` is the name of the person who took the robot over."""
     return message(text) | ({"_meta": {keys.TAKEN_OVER: {"by": taken_by}}} if taken_by is not None else {})
 
 
 def plan(entries: Any) -> Update | None:
-    """The steps of the task, all of them; None when `entries` are no steps."""
+    """The whole plan of the task; None when `entries` are no steps of a plan."""
     if not isinstance(entries, list) or not entries or not all(_is_step(entry) for entry in entries):
         return None
-    shown = [{"content": e["content"], "priority": "medium", "status": e["status"]} for e in entries]
-    return {"sessionUpdate": "plan", "entries": shown}
+    steps = [{"content": e["content"], "priority": "medium", "status": e["status"]} for e in entries]
+    return {"sessionUpdate": "plan", "entries": steps}
 
 
 def _is_step(entry: Any) -> bool:
@@ -62,7 +62,7 @@ def _is_step(entry: Any) -> bool:
 def tool_call(
     call_id: str, tool: Tool, arguments: dict[str, Any], status: ToolStatus, phase: Phase = "tools"
 ) -> Update:
-    """The announcement of a tool call, and what its time will count as."""
+    """The announcement of a tool call. `phase` is the phase of the turn that the call's time counts for."""
     return {
         "sessionUpdate": "tool_call",
         "toolCallId": call_id,
@@ -75,30 +75,30 @@ def tool_call(
 
 
 def _kind(tool: Tool) -> str:
-    """ACP's word for what a tool does; people may show a picture for it. Only the robot itself executes."""
+    """ACP's kind of a tool, for which clients may show an icon. Only a tool of the robot itself is "execute"."""
     if tool.server is None:
         return "read" if tool.read_only else "execute"
     return "fetch" if tool.read_only else "other"
 
 
-def tool_status(call_id: str, status: ToolStatus, text: str | None = None, verdict: Verdict | None = None) -> Update:
-    """A change of status, with the reason for people and the decision that led to it."""
+def tool_status(call_id: str, status: ToolStatus, text: str | None = None, outcome: Outcome | None = None) -> Update:
+    """A change of a call's status, with the reason for people, and the outcome of the permission request."""
     update: Update = {"sessionUpdate": "tool_call_update", "toolCallId": call_id, "status": status}
     if text is not None:
         update["content"] = [_content(text_block(text))]
-    if verdict is not None:
-        decision = {"by": verdict.by, "option": verdict.option, "reason": verdict.reason}
+    if outcome is not None:
+        decision = {"by": outcome.by, "option": outcome.option, "reason": outcome.reason}
         update["_meta"] = {keys.DECISION: decision}
     return update
 
 
 def tool_waits(call_id: str, text: str, waits: dict[str, Any]) -> Update:
-    """A call that cannot begin yet: why, in words for people, and in `_meta` what it waits for."""
+    """A call that cannot begin yet: `text` tells people why, `waits` tells clients what it waits for."""
     return tool_status(call_id, "pending", text) | {"_meta": {keys.WAITING: waits}}
 
 
 def tool_progress(call_id: str, progress: Progress) -> Update:
-    """How far a tool call is."""
+    """The progress of a tool call."""
     return {
         "sessionUpdate": "tool_call_update",
         "toolCallId": call_id,
@@ -108,7 +108,7 @@ def tool_progress(call_id: str, progress: Progress) -> Update:
 
 
 def tool_result(call_id: str, result: ToolResult) -> Update:
-    """The end of a tool call. Text that only repeats the structured output, as MCP has it, is left out."""
+    """The end of a tool call. Text that only repeats the structured output, as MCP recommends, is left out."""
     blocks = [block for block in result.content if not _repeats(block, result.structured)]
     update: Update = {
         "sessionUpdate": "tool_call_update",
@@ -122,7 +122,7 @@ def tool_result(call_id: str, result: ToolResult) -> Update:
 
 
 def usage(used: int, size: int) -> Update:
-    """How much of the model's context is in use, in tokens."""
+    """How much of the model's context is `used`, of its `size`, in tokens."""
     return {"sessionUpdate": "usage_update", "used": used, "size": size}
 
 
@@ -132,8 +132,8 @@ def title(text: str) -> Update:
 
 
 def turn_ended(turn_id: str, stop_reason: str, phases: dict[str, float] | None = None) -> Update:
-    """The end of a turn, for those who did not ask for it and for the log; `phases` are the seconds it took, by phase,
-    where they were measured."""
+    """The end of a turn, for the log and for people who did not start it. `phases` are the seconds that the turn took,
+    by phase; None where they were not measured."""
     meta: dict[str, Any] = {keys.TURN: {"id": turn_id, "state": "ended", "stopReason": stop_reason}}
     if phases is not None:
         meta[keys.PHASES] = phases
@@ -141,12 +141,12 @@ def turn_ended(turn_id: str, stop_reason: str, phases: dict[str, float] | None =
 
 
 def forked(original: str) -> Update:
-    """The first of a fork's own events: what comes before it happened in the session `original`."""
+    """The first of a fork's own events: those before it happened in the session `original`."""
     return {"sessionUpdate": "session_info_update", "_meta": {keys.FORKED: {"from": original}}}
 
 
 def current_mode(mode_id: str) -> Update:
-    """The mode that counts from now on."""
+    """The session's new mode."""
     return {"sessionUpdate": "current_mode_update", "currentModeId": mode_id}
 
 

@@ -1,1 +1,1 @@
-"""Who may do what, and when: policy, permissions, the control lease, attendance. No model can change any of it."""
+"""Who may do what, and when: policy, permission, the control lease, attendance. No model can change any of it."""

@@ -1,7 +1,8 @@
-"""No robot moves for nobody: ends the turn that holds the robot when all who may operate it have been gone for a while.
+"""The attendance rule: the robot acts only while somebody who may operate it is connected.
 
-Being there means to be attached to any session with a login that may approve: whoever is sees what is done and can
-stop it. A mode that acts without asking, `autonomous`, needs nobody. It never begins anything.
+When all of them have been away for a while, the turn that controls the robot is cancelled. A person counts as present
+while attached to any session with a login that may approve, because they see what the robot does and can stop it. The
+mode `autonomous`, which acts without asking, needs nobody. This rule only cancels turns; it never starts anything.
 """
 
 from __future__ import annotations
@@ -20,16 +21,16 @@ UNATTENDED_MODE = "autonomous"
 
 
 class Attendance:
-    """Watches one robot's people. `limit_s` is how long all of them may be away; 0 switches the rule off."""
+    """The rule for one robot. `limit_s` is how long, in seconds, everybody may be away; 0 switches the rule off."""
 
     def __init__(self, sessions: Sessions, lease: Lease, limit_s: float) -> None:
         self._sessions = sessions
         self._lease = lease
         self._limit_s = limit_s
-        self._last_seen = time.monotonic()
+        self._last_present = time.monotonic()
 
     async def run(self) -> None:
-        """Watch until cancelled."""
+        """Check until cancelled."""
         while self._limit_s:
             self._check(time.monotonic())
             await asyncio.sleep(CHECK_EVERY_S)
@@ -37,12 +38,12 @@ class Attendance:
     def _check(self, now: float) -> None:
         sessions = self._sessions.open_sessions
         if any(listener.may_approve for session in sessions for listener in session.watching):
-            self._last_seen = now
+            self._last_present = now
             return
         holder = self._lease.holder
-        if holder is None or now - self._last_seen < self._limit_s:
+        if holder is None or now - self._last_present < self._limit_s:
             return
         if any(s.id == holder.session_id and s.row.mode == UNATTENDED_MODE for s in sessions):
             return
-        log.warning("nobody who may operate the robot is there; the turn of %s ends", holder.by)
-        holder.lose("Nobody who may operate me is connected any more")
+        log.warning("nobody who may operate the robot is connected; the turn of %s is cancelled", holder.by)
+        holder.revoke("Nobody who may operate me is connected any more")

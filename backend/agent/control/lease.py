@@ -1,6 +1,6 @@
-"""One robot, one controller: the turn that acts holds the lease, the others wait in order, a supervisor can take over.
+"""The control lease: one turn at a time controls the robot, the others wait in order, and a supervisor can take over.
 
-Looking needs no lease. No clock, no I/O: the lease only says whose turn it is.
+Reading the robot needs no lease. The lease has no clock and does no I/O, and it never moves the robot.
 """
 
 from __future__ import annotations
@@ -12,18 +12,21 @@ from dataclasses import dataclass, field
 
 @dataclass(eq=False)
 class Claim:
-    """A turn that wants to act. `lose` ends it, and is called with the reason, the first half of a sentence."""
+    """The claim of a turn that wants to act. `by` is the name of the person who started the turn.
+
+    `revoke` cancels the turn that has the lease. Its argument is the reason, as the first half of a sentence.
+    """
 
     session_id: str
     by: str
-    lose: Callable[[str], None]
+    revoke: Callable[[str], None]
     granted: asyncio.Event = field(default_factory=asyncio.Event)
     taken_by: str | None = None
-    """Who took the robot away from it; None while nobody has."""
+    """The name of the person who took the robot over from this turn; None while nobody has."""
 
 
-class SomebodyElse(Exception):
-    """The turn that was to be ended has ended by itself, and `holder` has the robot now."""
+class HeldByAnother(Exception):
+    """The turn that was to be cancelled has ended already, and the turn of `holder` controls the robot now."""
 
     def __init__(self, holder: str) -> None:
         super().__init__(f"{holder} has the robot now, and keeps it: another turn was to end.")
@@ -31,7 +34,7 @@ class SomebodyElse(Exception):
 
 
 class Lease:
-    """Who controls the robot. `holder` is None while nobody acts."""
+    """Who controls the robot. `holder` is the claim that has the lease; None while nobody acts."""
 
     def __init__(self) -> None:
         self.holder: Claim | None = None
@@ -39,43 +42,47 @@ class Lease:
 
     @property
     def waiting(self) -> tuple[Claim, ...]:
-        """Those in line, the next one first."""
+        """The claims that wait, the next one first."""
         return tuple(self._waiting)
 
     def ask(self, claim: Claim) -> bool:
-        """Get in line; true when the robot is free, and the claim holds it at once."""
+        """Put a claim at the end of the queue. True means that the robot was free and the claim has the lease now."""
         self._waiting.append(claim)
-        self._pass_on()
+        self._grant_next()
         return self.holder is claim
 
     async def wait(self, claim: Claim) -> None:
-        """Return when the claim, which must be in line, holds the robot."""
+        """Return when the claim, which must be in the queue, has the lease."""
         await claim.granted.wait()
 
     def release(self, claim: Claim) -> None:
-        """Give the robot back, or leave the line. Doing it twice is harmless."""
+        """Give the lease back, or leave the queue. A second call does nothing."""
         if claim in self._waiting:
             self._waiting.remove(claim)
         if self.holder is claim:
             self.holder = None
-            self._pass_on()
+            self._grant_next()
 
     def take_over(self, session_id: str | None, by: str, meant: str | None = None) -> Claim | None:
-        """End the holder's turn in the name of `by`, let `session_id` be next, and return who lost it.
+        """Cancel the turn that has the lease, put `session_id` first in the queue, and return the revoked claim.
 
-        `meant` is the session whose turn is to end. Raises `SomebodyElse`, and changes nothing, when it is another's.
+        `by` is the name of the supervisor who takes over; `meant`, where given, is the session whose turn is to be
+        cancelled. Raises `HeldByAnother`, and changes nothing, when another session has the lease. Returns None when
+        there is nobody to take the robot from.
         """
         loser = self.holder
         if meant is not None and loser is not None and loser.session_id != meant:
-            raise SomebodyElse(loser.by)
-        self._waiting.sort(key=lambda claim: claim.session_id != session_id)  # stable: the rest keep their order
+            raise HeldByAnother(loser.by)
+        self._waiting.sort(
+            key=lambda claim: claim.session_id != session_id
+        )  # a stable sort: the others keep their order
         if loser is None or loser.session_id == session_id:
             return None
         loser.taken_by = by
-        loser.lose(f"{by} took the robot over")
+        loser.revoke(f"{by} took the robot over")
         return loser
 
-    def _pass_on(self) -> None:
+    def _grant_next(self) -> None:
         if self.holder is None and self._waiting:
             self.holder = self._waiting.pop(0)
             self.holder.granted.set()

@@ -1,8 +1,8 @@
-"""What a mode lets a tool do: allow, ask a person first, or deny. Deterministic; the model cannot change it.
+"""The policy: whether a mode allows a tool, asks a person first, or denies it. The model cannot change it.
 
-THE PERMISSION RULE is `decide`, and it is the only one. A tool that the table names follows the table; any
-other is judged by its MCP annotations, which are hints of the robot server; one without annotations asks. What a
-visitor asks for passes the visitors' table, too, and the stricter of the two counts.
+`Policy.decide` depends on the tables and on nothing else. A tool that the table names follows the table. Any other tool
+follows its MCP annotations, which are hints of its server; a tool without annotations asks. For a visitor the visitors'
+table counts, too, and the stricter decision of the two wins. What follows from "ask" is in `permission.py`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,14 @@ MODES: tuple[ModeInfo, ...] = (
     ModeInfo("supervised", "Supervised", "Drives without asking; asks before it speaks or does anything else."),
     ModeInfo("autonomous", "Autonomous", "Acts without asking."),
 )
-MODE_IDS = frozenset(mode.id for mode in MODES)
+MODES_IN_ORDER = tuple(mode.id for mode in MODES)
+MODE_IDS = frozenset(MODES_IN_ORDER)
+
+
+def mode_info(mode_id: str) -> ModeInfo:
+    """How the mode `mode_id`, which must be one of `MODE_IDS`, is shown to people."""
+    return next(mode for mode in MODES if mode.id == mode_id)
+
 
 _MOTION = ("navigate_to_pose", "navigate_to_place", "rotate_in_place")
 _SPEECH = ("speak",)
@@ -44,7 +51,7 @@ def _row(motion: Decision, speech: Decision) -> dict[str, Decision]:
 
 DEFAULT_TABLE: dict[str, dict[str, Decision]] = {
     "observe": _row("deny", "deny"),
-    "plan": _row("deny", "deny"),  # motion still computes its path: see `previews`
+    "plan": _row("deny", "deny"),  # a motion only computes its path: `Policy.previews`
     "movement": _row("allow", "deny"),
     "supervised": _row("allow", "ask"),
     "autonomous": _row("allow", "allow"),
@@ -67,12 +74,13 @@ VISITORS_TABLE: dict[str, Decision] = {
     "navigate_to_pose": "ask",
     "speak": "ask",
 }
-"""What a visitor's prompt may set off, at most: driving to places with a name."""
+"""The most that a visitor's prompt may do without a person's permission: driving to places that have a name."""
 
 
 @dataclass(frozen=True)
 class ToolTraits:
-    """What policy needs to know of a tool: its name, and what its annotations say (None: they say nothing)."""
+    """What the policy knows of a tool. `read_only` is MCP's annotation `readOnlyHint`, None where the tool has none;
+    `can_preview` says that the tool can compute its path without moving."""
 
     name: str
     read_only: bool | None
@@ -80,17 +88,17 @@ class ToolTraits:
 
 
 def moves(tool: ToolTraits) -> bool:
-    """Whether the tool is one of those that drive or turn the robot."""
+    """Whether the tool drives or turns the robot."""
     return tool.name in _MOTION or tool.can_preview
 
 
 def speaks(tool: ToolTraits) -> bool:
-    """Whether the tool is one of those that say something aloud."""
+    """Whether the tool says something aloud."""
     return tool.name in _SPEECH
 
 
 class Policy:
-    """The tables of robot.toml over the defaults: mode -> tool -> decision, and for visitors tool -> decision."""
+    """The tables of robot.toml over the default ones: mode -> tool -> decision, and for visitors tool -> decision."""
 
     def __init__(
         self,
@@ -105,8 +113,11 @@ class Policy:
         self._visitors = VISITORS_TABLE | (visitors or {})
 
     def decide(self, mode: str, tool: ToolTraits, asker: Role, motion_asks: bool = False) -> Decision:
-        """Whether `tool` may run in `mode` for `asker`; `motion_asks` is a session's wish that motion asks where it
-        is free: of a tool that acts and is not known to speak, nobody knows that it moves nothing."""
+        """Whether `tool` may run in `mode` for a person with the role `asker`.
+
+        `motion_asks` is the session's setting that motion asks where the mode would allow it. It applies to every tool
+        that acts and is not known to be speech, because such a tool may move the robot.
+        """
         decision = self._by_mode(mode, tool)
         if decision == "allow" and motion_asks and not tool.read_only and not speaks(tool):
             decision = "ask"
@@ -115,7 +126,7 @@ class Policy:
         return decision
 
     def _for_visitors(self, tool: ToolTraits) -> Decision:
-        # What nobody thought of when the table was written, and acts, is not a stranger's to start.
+        # A tool that acts and that the table does not name must not be started by a stranger alone.
         return self._visitors.get(tool.name, "allow" if tool.read_only else "ask")
 
     def _by_mode(self, mode: str, tool: ToolTraits) -> Decision:
@@ -124,12 +135,9 @@ class Policy:
         if tool.read_only:
             return "allow"
         if tool.read_only is None and mode not in ("observe", "plan"):
-            return "ask"  # it says nothing of itself: it may do anything
+            return "ask"  # without an annotation, the tool may do anything
         return _OTHER_ACTING[mode]
 
     def previews(self, mode: str, tool: ToolTraits) -> bool:
-        """Whether `tool` runs as a mere computation of its path in `mode`."""
+        """Whether `tool` only computes its path in `mode`, and runs without permission because it moves nothing."""
         return mode == "plan" and tool.can_preview
-
-
-MODES_IN_ORDER = tuple(mode.id for mode in MODES)

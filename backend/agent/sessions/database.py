@@ -1,8 +1,8 @@
-"""Connects to the database of sessions, SQLite in a file or PostgreSQL by URL, and tells in words why it cannot.
+"""Connects to the database of sessions, SQLite in a file or PostgreSQL by URL, or says in words why it cannot.
 
 A robot has one agent, so one agent at a time writes to its database: only then are the numbers of events, the
-lease and "this turn was interrupted" true. Whoever writes holds a lock, which ends with its process. Nothing here
-may put the URL into a text: it can hold a password.
+lease and "this turn was interrupted" true. The agent that writes has a lock, which ends with its process. Nothing here
+may put the URL into a text, because the URL can contain a password.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 
 import sqlalchemy as sa
 
-LOCK_LOOK_S = 0.05
+LOCK_RETRY_S = 0.05
 LOCK_PATIENCE_S = 5.0
 """How long a new agent waits for the lock: the server may not have noticed yet that the one before it died."""
 POSTGRES_LOCK = int.from_bytes(b"robotacp")
@@ -24,7 +24,7 @@ TAKEN = (
     "`robot-acp chat` or `robot-acp connect`, or give this one a database of its own with agent.database."
 )
 _POSTGRES_URL = {
-    # A server that is gone without a word is given up after seconds, not after the quarter of an hour of TCP.
+    # A connection to a server that is gone ends after seconds, not after the quarter of an hour that TCP takes.
     "connect_timeout": "5",
     "keepalives_idle": "5",
     "keepalives_interval": "2",
@@ -33,14 +33,15 @@ _POSTGRES_URL = {
     "application_name": "robot-acp",
 }
 _POSTGRES_SESSION = (
-    # And the server gives up an agent that is gone, so that the next one gets the lock; and a wait for a table.
+    # The server ends the connection of an agent that is gone, so that the next agent gets the lock. It also ends a
+    # statement that waits for a table.
     "SET tcp_keepalives_idle = 10",
     "SET tcp_keepalives_interval = 5",
     "SET tcp_keepalives_count = 3",
     "SET statement_timeout = '10s'",
 )
 _SQLITE_SESSION = (
-    # Readers never wait for the writer; a commit survives the death of the process; events need their session.
+    # Readers never wait for the writer. A commit survives the end of the process. An event needs its session.
     "PRAGMA journal_mode=WAL",
     "PRAGMA synchronous=NORMAL",
     "PRAGMA foreign_keys=ON",
@@ -48,13 +49,13 @@ _SQLITE_SESSION = (
 
 
 class StoreError(Exception):
-    """The database cannot be used; the text says why, and never holds its URL, which can hold a password."""
+    """The database cannot be used. The text says why and never contains the URL, which can contain a password."""
 
 
 def engine_for(database_url: str, *, alone: bool, serialise: Callable[[object], str]) -> sa.Engine:
     """An engine that has not connected yet. With `alone`, connecting raises `StoreError` while another agent writes.
 
-    Raises what SQLAlchemy raises for a URL; `why` puts it into words.
+    `serialise` makes the JSON of a column. Raises SQLAlchemy's exception for a wrong URL; `why` puts it into words.
     """
     url = sa.make_url(database_url)
     if url.drivername in ("postgresql", "postgres"):  # as people write it, and as hosting services hand it out
@@ -69,14 +70,14 @@ def engine_for(database_url: str, *, alone: bool, serialise: Callable[[object], 
         file = Path(url.database)
     if file is not None:
         file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-    # What people said is in the parameters of a statement, and errors go to the log.
+    # Errors go to the log, and the parameters of a statement contain what people said.
     engine = sa.create_engine(url, pool_pre_ping=True, hide_parameters=True, json_serializer=serialise)
     settings = {"sqlite": _SQLITE_SESSION, "postgresql": _POSTGRES_SESSION}.get(backend, ())
 
     @sa.event.listens_for(engine, "connect")
     def prepare(connection: Any, record: Any) -> None:
         try:
-            if backend == "sqlite":  # its own knows the letters of English alone
+            if backend == "sqlite":  # SQLite's own knows only the letters of English
                 connection.create_function("lower", 1, _lower, deterministic=True)
             cursor = connection.cursor()
             for statement in settings:
@@ -109,7 +110,7 @@ def why(error: Exception) -> str:
         case sa.exc.NoSuchModuleError():
             return start + "agent.database begins with no known kind; use sqlite:/// or postgresql://."
         case sa.exc.DBAPIError() if error.orig is not None:
-            # The first line: what follows repeats the statement, or guesses.
+            # Only the first line: the others repeat the statement, or guess.
             reason = (str(error.orig).strip().splitlines() or [type(error.orig).__name__])[0]
             return f"{start}{reason.removeprefix('connection failed: ').rstrip('.')}. Check agent.database."
         case ImportError() if error.name in ("psycopg", None):
@@ -133,11 +134,11 @@ def _take(lock: Callable[[], bool]) -> None:
     while not lock():
         if time.monotonic() > deadline:
             raise StoreError(TAKEN)
-        time.sleep(LOCK_LOOK_S)  # on the thread of the store, which nobody else waits for yet
+        time.sleep(LOCK_RETRY_S)  # on the thread of the store, for which nobody else waits yet
 
 
 def _lock_postgres(connection: Any) -> bool:
-    """The lock belongs to the connection, beyond its transactions."""
+    """Whether the lock was free. It belongs to the connection and outlives its transactions."""
     cursor = connection.cursor()
     cursor.execute("SELECT pg_try_advisory_lock(%s)", (POSTGRES_LOCK,))
     taken = bool(cursor.fetchone()[0])
@@ -146,7 +147,7 @@ def _lock_postgres(connection: Any) -> bool:
 
 
 def _lock_file(file: Any) -> bool:
-    """The lock is on a file of its own: SQLite has locks of its own on the database."""
+    """Whether the lock was free. It is on a separate file, because SQLite locks the database file itself."""
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

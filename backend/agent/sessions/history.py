@@ -1,7 +1,7 @@
-"""What the model remembers: chat messages, computed from a session's events and from nothing else.
+"""The model's memory: chat messages, computed from a session's events and from nothing else.
 
-So a session that is loaded after a restart has the memory that it had before. No I/O, no clock. The log is
-never shortened here; only what the model gets is.
+So a session that is loaded after a restart has the memory that it had before. There is no I/O and no clock here. The
+log is never shortened; only the past that the model gets is.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from backend import meta as keys
 
 PLAN_TOOL = "update_plan"
 PHOTO_NOTE = "The picture that was just taken:"
-"""Begins the message that shows a photo to a model that can see; it is not a person's."""
+"""The first words of the message that shows a photo to a model that can see. No person wrote that message."""
 MAX_CHARS = 60_000
-"""What the model gets of the past, at most; whole turns are left out, the oldest first."""
+"""The model gets at most so many characters of the past. Whole turns are left out, the oldest first."""
 RESULT_CHARS = 1_000
-"""What is left of a tool's result where the last turn alone is longer than that."""
+"""Where the last turn alone is longer than that, so many characters are left of a tool's result."""
 
 Message = dict[str, Any]
 
 
 class History:
-    """Fed with every update of a session in order, it holds the chat messages that tell the same story."""
+    """The chat messages of one session. It has to be given every update of the session, in order."""
 
     def __init__(self) -> None:
         self._turns: list[list[Message]] = []
@@ -41,7 +41,7 @@ class History:
         return list(self._tools)
 
     def apply(self, update: dict[str, Any]) -> None:
-        """Take in one update."""
+        """Add the next update."""
         kind = update["sessionUpdate"]
         meta = update.get("_meta") or {}
         if turn := meta.get(keys.TURN):
@@ -62,8 +62,8 @@ class History:
                 self._tool_result(update)
 
     def messages(self, max_chars: int = MAX_CHARS) -> list[Message]:
-        """The newest whole turns that fit into `max_chars`, and always the last one, its results cut where it alone is
-        too long."""
+        """The newest whole turns that fit into `max_chars`. The last turn is always among them; where it alone is too
+        long, the results of its tools are shortened."""
         kept = self._newest(max_chars)
         return _fitted([message for turn in kept for message in turn], max_chars)
 
@@ -84,7 +84,7 @@ class History:
         else:
             self._close_open_calls()
             self._turn_id = turn_id
-            self._turns = self._newest(MAX_CHARS)  # nobody is given the others any more, and they can hold pictures
+            self._turns = self._newest(MAX_CHARS)  # the model gets no others any more, and those can contain pictures
             self._turns.append([{"role": "user", "content": [part]}])
 
     def _assistant_text(self, text: str) -> None:
@@ -112,12 +112,12 @@ class History:
         turn = self._current()
         last = turn[-1] if turn else None
         if last and last["role"] == "assistant" and "tool_calls" not in last:
-            last["tool_calls"] = calls  # what it said just before is part of the same message
+            last["tool_calls"] = calls  # the text just before the call is part of the same message
         else:
             turn.append({"role": "assistant", "content": None, "tool_calls": calls})
 
     def _close_open_calls(self) -> None:
-        """Give an answer to calls that have none: a provider refuses a history in which one is missing."""
+        """Add a result for each call that has none, because providers refuse a history in which one is missing."""
         for call_id, tool in self._tools.items():
             answer = {"role": "tool", "tool_call_id": call_id, "name": tool, "content": "Error: interrupted"}
             self._current().append(answer)
@@ -147,8 +147,10 @@ class History:
 
 
 def _fitted(messages: list[Message], max_chars: int) -> list[Message]:
-    """The same messages, with as many results of tools cut to their beginning as must be, the oldest first: neither a
-    turn of many steps nor a talkative server may outgrow the model."""
+    """The same messages, with tool results cut to their beginning, the oldest first, until they fit into `max_chars`.
+
+    So neither a turn of many steps nor a server with long results can exceed the model's context.
+    """
     excess = sum(map(_size, messages)) - max_chars
     fitted: list[Message] = []
     for message in messages:
@@ -161,7 +163,7 @@ def _fitted(messages: list[Message], max_chars: int) -> list[Message]:
 
 
 def _size(message: Message) -> int:
-    """Characters of the texts in a message; a picture counts as a thousand."""
+    """How many characters of text a message has; a picture counts as a thousand."""
     content = message.get("content") or ""
     if isinstance(content, list):
         content = "".join(part.get("text", " " * 1000) for part in content)
@@ -187,7 +189,7 @@ def _as_part(block: dict[str, Any]) -> Message:
 
 
 def _result_text(update: dict[str, Any]) -> str:
-    """What the model is told of a finished tool call: the structured output, else the text, never bulk data."""
+    """The model's view of a finished tool call: the structured output or else the text, never a picture or sound."""
     texts = [
         item["content"]["text"]
         for item in update.get("content") or []

@@ -1,4 +1,7 @@
-"""All sessions of the agent: made, found again in the database, listed, deleted. Who may see which is decided here."""
+"""All sessions of the agent: creates them, loads them from the database, lists and deletes them.
+
+Who may see which session is decided here, and nowhere else. Nobody else adds a session to memory.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ from typing import Any
 
 from backend import meta as keys
 from backend.agent.acp import updates
-from backend.agent.control.permissions import Audience
+from backend.agent.control.approvers import GRACE_S, AbsentApprovers
 from backend.agent.robot.mcp_client import McpClient
 from backend.agent.robot.readings import read
 from backend.agent.sessions.history import History
@@ -25,32 +28,45 @@ from backend.identity import Identity, Right
 log = logging.getLogger(__name__)
 
 PAGE = 50
+"""Sessions of one page of the list."""
 IDLE_S = 600.0
+"""A session that nobody uses is removed from memory after so many seconds."""
 
 
 class Sessions:
-    """The sessions of one agent, by id. A session comes into memory when somebody opens it."""
+    """The sessions of one agent, by id. A session is loaded into memory when somebody opens it."""
 
     def __init__(
-        self, store: Store, journal: Journal, tools: McpClient, pose_tool: str, permission_timeout_s: float
+        self,
+        store: Store,
+        journal: Journal,
+        tools: McpClient,
+        pose_tool: str,
+        permission_timeout_s: float,
+        grace_s: float = GRACE_S,
+        idle_s: float = IDLE_S,
     ) -> None:
+        """`pose_tool` is the robot's tool that returns its pose, `permission_timeout_s` the time for an answer to a
+        permission request, `grace_s` how long a person who disconnected is expected back, `idle_s` how long a session
+        that nobody uses stays in memory; all in seconds."""
         self._store = store
         self._journal = journal
         self._tools = tools
         self._pose_tool = pose_tool
         self._permission_timeout_s = permission_timeout_s
+        self.idle_s = idle_s
         self._open: dict[str, Session] = {}
         self._opening = asyncio.Lock()
         self._tasks: set[asyncio.Task[None]] = set()
-        self._audience = Audience(self._everybody)
+        self._absent = AbsentApprovers(self._everybody, grace_s)
 
     @property
     def open_sessions(self) -> list[Session]:
-        """Those in memory."""
+        """The sessions in memory."""
         return list(self._open.values())
 
     async def create(self, owner: str, cwd: str, mode: str, model: str) -> Session:
-        """A new session, with the robot's pose at this moment as its start."""
+        """A new session, which keeps the robot's pose at this moment as its start."""
         now = time.time()
         pose = await self.robot_pose()
         row = SessionRow(uuid.uuid4().hex, owner, None, cwd.replace("\0", ""), mode, model, pose, now, now)
@@ -60,7 +76,7 @@ class Sessions:
         return session
 
     async def fork(self, session: Session, owner: str) -> Session:
-        """A session of `owner` with the same past, up to the last turn that has ended."""
+        """A session of `owner` with the same events, up to the end of the last turn that has ended."""
         await session.flushed()
         now = time.time()
         row = replace(session.row, id=uuid.uuid4().hex, owner=owner, created=now, updated=now)
@@ -86,37 +102,41 @@ class Sessions:
     async def get(self, session_id: str, identity: Identity) -> Session | None:
         """The session, if there is one that this person may see."""
         session = self._open.get(session_id)
-        if session is None:  # a session in memory waits for no database: it may have to be cancelled
+        if session is None:  # a session in memory does not wait for the database: somebody may have to cancel it
             async with self._opening:
                 session = self._open.get(session_id) or await self._load(session_id)
         if session is None or not self.shows(session, identity):
             return None
-        session.touched = time.monotonic()
+        session.last_opened = time.monotonic()
         return session
 
     def _forget_idle(self) -> None:
-        """Let go of sessions that nobody uses; they are found again in the database."""
-        long_ago = time.monotonic() - IDLE_S
+        """Remove sessions that nobody uses from memory; the database has them."""
+        long_ago = time.monotonic() - self.idle_s
         for session in self.open_sessions:
             if session.busy or session.watching or self._journal.unkept(session.id):
                 continue
-            if session.touched < long_ago:
+            if session.last_opened < long_ago:
                 del self._open[session.id]
-                self._spawn(session.offered.close())
+                self._spawn(session.client_servers.close())
 
     def turn_of(self, session_id: str) -> str | None:
-        """The turn that runs in a session; None between turns."""
+        """The id of the turn that runs in a session; None between turns."""
         session = self._open.get(session_id)
         return session.turn_id if session else None
 
     async def page(self, identity: Identity, before: tuple[float, str] | None, search: str = "") -> list[SessionRow]:
-        """Sessions that this person may see and that have the words of `search`, newest first, at most `PAGE`."""
+        """At most `PAGE` sessions that this person may see, newest first.
+
+        `before` is the (updated, id) of the last session of the page before. Each word of `search` is in the session's
+        title or in its owner's name.
+        """
         owner = identity.name if identity.role == "visitor" else None
         return await self._store.sessions(owner, before, PAGE, search)
 
     async def delete(self, session: Session) -> None:
         """End and remove a session."""
-        session.ended = True
+        session.deleted = True
         await session.close()
         await session.flushed()
         async with self._opening:
@@ -125,7 +145,7 @@ class Sessions:
 
     async def replay(self, session: Session, after: int, upto: int) -> AsyncIterator[Event]:
         """The events of a session that have been shown, with `after < seq <= upto`."""
-        # Those that wait to be kept, asked for first: what has been kept when they are read from the log is in both.
+        # Asked for before the database is read: an event that is kept in between is in both, and none is in neither.
         unkept = self._journal.unkept(session.id, after, upto)
         async for event in self._store.events(session.id, after, upto):
             after = event.seq
@@ -135,7 +155,7 @@ class Sessions:
                 yield event
 
     async def robot_pose(self) -> dict[str, Any] | None:
-        """What the pose tool says now; None when the robot is not there or has no such tool."""
+        """The result of the pose tool; None when the robot is not there or has no such tool."""
         return await read(self._tools, self._pose_tool)
 
     async def close(self) -> None:
@@ -158,11 +178,11 @@ class Sessions:
         session = self._in_memory(row, history, seq)
         self._open[session_id] = session
         if history.interrupted is not None:
-            self._tell_interruption(session, history.interrupted)
+            self._record_interruption(session, history.interrupted)
             await session.flushed()
         return session
 
-    def _tell_interruption(self, session: Session, turn_id: str) -> None:
+    def _record_interruption(self, session: Session, turn_id: str) -> None:
         for call_id in session.history.open_calls:
             session.record(updates.tool_status(call_id, "failed", "interrupted"))
         session.record(updates.message("I was restarted in the middle of this; what was under way has ended."))
@@ -170,7 +190,10 @@ class Sessions:
 
     def _in_memory(self, row: SessionRow, history: History, seq: int) -> Session:
         self._forget_idle()
-        return Session(row, self._journal, history, seq, self._permission_timeout_s, self._spawn, self._audience)
+        timeout_s = self._permission_timeout_s
+        return Session(
+            row, self._journal, history, seq, timeout_s, self._spawn, self._absent, lambda: self.robot_pose()
+        )
 
     def _everybody(self) -> list[Listener]:
         return [listener for session in self.open_sessions for listener in session.watching]
@@ -185,4 +208,4 @@ class Sessions:
     def shows(session: Session, identity: Identity) -> bool:
         """Whether this person may see the session."""
         own = session.row.owner == identity.name
-        return not session.ended and (own or identity.role != "visitor" or identity.may(Right.TAKE_OVER))
+        return not session.deleted and (own or identity.role != "visitor" or identity.may(Right.TAKE_OVER))

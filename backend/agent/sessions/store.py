@@ -1,9 +1,9 @@
 """The database of sessions: one row a session, and an append-only list of numbered events.
 
-An event is one ACP `session/update`, kept as it was sent. Events are never changed; only `delete` removes
-them, with their session. All calls run on one thread of the store's own, so that neither SQLite nor a slow
-PostgreSQL ever blocks the event loop. One agent writes and events are only added, so the databases' default
-isolation is enough: a reader that asks page by page sees each event once.
+An event is one ACP `session/update`, kept as it was sent. Events are never changed, and only `delete_session` removes
+them. All calls run on the store's own thread, so that neither SQLite nor a slow PostgreSQL blocks the event loop. Only
+one agent writes, and it only adds events, so the databases' default isolation is enough: a reader that reads page by
+page gets each event once.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ _metadata = sa.MetaData()
 
 
 class _Text(sa.TypeDecorator[str]):
-    """Text as every database takes it: without NUL, which PostgreSQL refuses, and without half characters, which are
-    no UTF-8. So no name and no title can keep the log from being written."""
+    """Text that every database accepts: without NUL, which PostgreSQL refuses, and without single surrogates, which
+    are no UTF-8. So no name and no title can prevent the log from being written."""
 
     impl = sa.Text
     cache_ok = True
@@ -69,17 +69,17 @@ _T = TypeVar("_T")
 Changes = dict[str, dict[str, object]]
 """Session id -> column -> value."""
 MAX_WORDS = 4
-"""Words of a search that count; more only cost time."""
+"""A search uses so many words at most; more of them only cost time."""
 _PAGE = 200
-_PAGE_BYTES = 4 * 1024 * 1024
-"""A page ends with the event that reaches this; one event can be a picture of 16 MiB."""
+PAGE_BYTES = 4 * 1024 * 1024
+"""A page of events ends with the event that reaches this size; one event can be a picture of 16 MiB."""
 
 
 @dataclass(frozen=True)
 class SessionRow:
-    """What is kept of a session besides its events. Times are Unix seconds; `start_pose` is what the robot's
-    pose tool told when the session began, or None; `thought` whether a preliminary thought is made, `motion_asks`
-    whether motion asks a person first where the mode would let it go."""
+    """A session without its events. Times are Unix seconds. `start_pose` is the result of the robot's pose tool when
+    the session began, None where the robot was not there. `thought` says whether turns begin with a preliminary
+    thought, `motion_asks` whether motion needs permission where the mode would allow it."""
 
     id: str
     owner: str
@@ -97,7 +97,7 @@ class SessionRow:
 @dataclass(frozen=True)
 class Event:
     """One numbered `session/update` of a session: `raw` is the update as JSON, serialised once for the log and for
-    everyone attached; `origin` is the connection that must not get it back."""
+    everyone attached; `origin` is the connection that sent it and must not get it back."""
 
     session_id: str
     seq: int
@@ -112,7 +112,7 @@ class Event:
 
     @cached_property
     def frame(self) -> bytes:
-        """The notification as one line."""
+        """The ACP notification of this event, as one line."""
         head = b'{"jsonrpc":"2.0","method":"session/update","params":{"sessionId":' + orjson.dumps(self.session_id)
         meta = orjson.dumps({keys.SEQ: self.seq, keys.AT: self.time})
         return head + b',"update":' + self.raw + b',"_meta":' + meta + b"}}\n"
@@ -121,20 +121,21 @@ class Event:
 class Store:
     """The sessions and events behind a SQLAlchemy URL. Open it before use, close it after.
 
-    An agent's store is the only one that writes to its database. With `writes=False` it opens beside the agent's,
-    to read.
+    An agent's store is the only one that writes to its database. A store with `writes=False` only reads, and can be
+    open at the same time.
     """
 
-    def __init__(self, url: str, *, writes: bool = True) -> None:
+    def __init__(self, url: str, *, writes: bool = True, page_bytes: int = PAGE_BYTES) -> None:
         self._url = url
         self._writes = writes
+        self.page_bytes = page_bytes
         self._engine: sa.Engine | None = None
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="store")
         self._searching = asyncio.Lock()
-        """Held by the one search that may be on the thread: what is kept must never wait behind many of them."""
+        """Only one search at a time may be on the thread, so that a write never waits behind many of them."""
 
     async def open(self) -> None:
-        """Connect and make what is missing. Raises `StoreError`."""
+        """Connect, and create the tables that are missing. Raises `StoreError`."""
         try:
             await self._run(self._open)
         except (sa.exc.SQLAlchemyError, StoreError, ImportError, OSError, ValueError) as error:
@@ -149,7 +150,7 @@ class Store:
         self._thread.shutdown()
 
     async def add_session(self, row: SessionRow) -> None:
-        """Keep a new session."""
+        """Add a new session."""
         await self._write(sa.insert(_sessions).values(**vars(row)))
 
     async def change_session(self, session_id: str, **fields: object) -> None:
@@ -159,15 +160,18 @@ class Store:
     async def session(self, session_id: str) -> SessionRow | None:
         """One session, or None."""
         if _clean(session_id) != session_id:
-            return None  # clients make up ids; ours are plain
+            return None  # a client made it up: our ids are plain
         rows = await self._read(sa.select(_sessions).where(_sessions.c.id == session_id))
         return SessionRow(**rows[0]._mapping) if rows else None
 
     async def sessions(
         self, owner: str | None, before: tuple[float, str] | None, limit: int, search: str = ""
     ) -> list[SessionRow]:
-        """Sessions that hold at least one event, newest first; of `owner` alone unless None; `before` is the
-        (updated, id) of the last one of the page before. Each word of `search` is in the title or the owner's name."""
+        """At most `limit` sessions that have at least one event, newest first.
+
+        They are those of `owner`, or everybody's where `owner` is None. `before` is the (updated, id) of the last
+        session of the page before. Each word of `search` is in the title or in the owner's name.
+        """
         has_events = sa.exists().where(_events.c.session_id == _sessions.c.id)
         query = sa.select(_sessions).where(has_events)
         if owner is not None:
@@ -190,15 +194,17 @@ class Store:
         )
 
     async def append(self, events: Sequence[Event], changes: Changes | None = None) -> None:
-        """Keep events, and changed columns by session id, in one transaction.
+        """Add events, and change columns of sessions, in one transaction.
 
-        It may be called again with the same events, as after a commit whose answer was lost: each is kept once. Those
-        of a session that was deleted meanwhile are dropped. Raises `StoreError` where others have their numbers.
+        It may be called again with the same events, for instance after a commit whose answer was lost: each event is
+        kept once. Events of a session that was deleted meanwhile are dropped. Raises `StoreError` where the database
+        has other events with the same numbers.
         """
         await self._run(lambda: self._append(events, changes or {}))
 
     async def events(self, session_id: str, after: int = 0, upto: int | None = None) -> AsyncIterator[Event]:
-        """The events with `after < seq <= upto`, in order; read page by page, so that nobody else's wait is long."""
+        """The events with `after < seq <= upto`, in order. They are read page by page, so that other calls do not wait
+        long."""
         while rows := await self._run(partial(self._page, session_id, after, upto)):
             for row in rows:
                 yield Event(row.session_id, row.seq, row.time, row.update)
@@ -213,7 +219,7 @@ class Store:
             last, size = after, 0
             for seq, length in connection.execute(sizes.limit(_PAGE)):
                 last, size = seq, size + length
-                if size >= _PAGE_BYTES:
+                if size >= self.page_bytes:
                     break
             page = sa.select(_events).where(this & (_events.c.seq <= last)).order_by(_events.c.seq)
             return connection.execute(page).all()
@@ -249,8 +255,11 @@ class Store:
                 connection.execute(sa.update(_sessions).where(this).values(updated=updated))
 
     def _still_to_keep(self, events: Sequence[Event]) -> list[Event]:
-        """Those that are not kept yet and whose session exists. That they are the same is looked at: a number that
-        another writer has given must not pass for ours."""
+        """The events that are not in the database yet and whose session exists.
+
+        An event that is there already must be the same one. Raises `StoreError` where another program has written
+        another event with the number of one of ours.
+        """
         missing: list[Event] = []
         with self._connected().connect() as connection:
             for session_id in {event.session_id for event in events}:
@@ -290,8 +299,8 @@ class Store:
 
 
 def as_json(value: object) -> bytes:
-    """A value as JSON. What a model or a server made up that is none (half a character, a number that no program
-    reads, no number at all) becomes what comes nearest."""
+    """A value as JSON. Where a model or a server made a value that JSON does not have, it becomes a similar one: a
+    single surrogate a question mark, a very large integer a float, NaN null."""
     try:
         return orjson.dumps(value)
     except TypeError:

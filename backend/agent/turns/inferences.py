@@ -20,7 +20,7 @@ from backend.agent.turns.phases import Phases
 log = logging.getLogger(__name__)
 
 Infer = Callable[[str, list[Message], list[model.ToolSchema], model.Situation], AsyncIterator[model.Part]]
-"""`model.stream`, or another function of its form in a test."""
+"""`providers.stream`, or another function of its form in a test."""
 
 _CHUNK_S = 0.04
 """A chunk holds the words of at least this time, so that the log and the clients get fewer events than words."""

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from backend.agent.acp import updates
-from backend.agent.control.permissions import Verdict
+from backend.agent.control.approvers import Outcome
 from backend.agent.robot.mcp_client import Tool
 from backend.agent.sessions.journal import Journal
 from backend.agent.sessions.sessions import Sessions
@@ -83,10 +83,10 @@ async def test_nor_after_a_restart(database: Database, monkeypatch: pytest.Monke
     monkeypatch.setattr(Sessions, "robot_pose", nowhere)
     async with wiring(database) as sessions:
         session = await sessions.create("Ana", "/", "supervised", "offline/commands")
-        verdict = Verdict(True, "selected", "allow_always", "Ana")
+        outcome = Outcome(True, "selected", "allow_always", "Ana")
         session.record(updates.user_message(updates.text_block("say hello"), "Ana", "t"))
         session.record(updates.tool_call("t.1", SPEAK, {}, "pending"))
-        session.record(updates.tool_status("t.1", "completed", verdict=verdict))
+        session.record(updates.tool_status("t.1", "completed", outcome=outcome))
         session.record(updates.turn_ended("t", "end_turn"))
         fork = await sessions.fork(session, "Ben")
         fork.record(updates.message("What comes next."))

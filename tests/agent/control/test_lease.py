@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from backend.agent.control.lease import Claim, Lease, SomebodyElse
+from backend.agent.control.lease import Claim, HeldByAnother, Lease
 from backend.chat.link import RefusedError
 from backend.identity import Role
 from tests.agent.conftest import Opener, holds_the_robot
@@ -57,7 +57,7 @@ def test_whoever_is_taken_over_is_the_one_who_was_meant() -> None:
     for x in (a, b, c):
         lease.ask(x)
     lease.release(a)
-    with pytest.raises(SomebodyElse) as error:
+    with pytest.raises(HeldByAnother) as error:
         lease.take_over("c", "Sue", meant="a")
     assert error.value.holder == "owner of b"
     assert lost == []
@@ -72,7 +72,7 @@ def test_a_line_keeps_its_order_when_somebody_else_was_meant() -> None:
     lease, a, b, c = Lease(), claim("a"), claim("b"), claim("c")
     for x in (a, b, c):
         lease.ask(x)
-    with pytest.raises(SomebodyElse):
+    with pytest.raises(HeldByAnother):
         lease.take_over("c", "Sue", meant="b")
     assert lease.waiting == (b, c)
 

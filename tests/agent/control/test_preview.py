@@ -110,7 +110,7 @@ async def test_a_release_counts_from_its_answer_on(robot: Robot, client: Client)
         assert await turn == "end_turn"
 
 
-async def test_a_look_into_another_way_is_not_drawn_over_that_of_a_question(
+async def test_a_path_that_is_only_planned_is_not_drawn_over_that_of_a_question(
     robot: Robot, client: Client, connect: Opener
 ) -> None:
     other = await connect(answer=None)
@@ -208,12 +208,9 @@ class Answering(McpClient):
     ],
     ids=["told", "nonsense", "nothing told", "failed", "failed without a code", "gone", "too slow"],
 )
-async def test_a_preview_that_fails_leaves_the_question(
-    answer: ToolResult | Exception | None, meta: object, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(preview, "TIMEOUT_S", 0.05)
+async def test_a_preview_that_fails_leaves_the_question(answer: ToolResult | Exception | None, meta: object) -> None:
     tools = Answering(answer)
-    assert await preview.rehearsed(tools, DRIVE, {"place": "dock"}, "t.1") == meta
+    assert await preview.compute(tools, DRIVE, {"place": "dock"}, "t.1", timeout_s=0.05) == meta
     asked = {"robot-acp/preview": {"id": "t.1", "rehearsal": True}}
     assert tools.calls == [({"place": "dock", "plan_only": True}, asked)]
 

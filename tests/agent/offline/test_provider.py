@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from backend.agent.offline.places import Node, read_map
-from backend.agent.turns import model, prompts
+from backend.agent.turns import model, prompts, providers
 from backend.agent.turns.model import Call, ModelError, Part, Situation, StartPose, Text, Usage
 
 
@@ -26,7 +26,7 @@ SPEAK = tool("speak", text="string")
 async def answer(asked: str, tools: list[dict[str, Any]], **facts: Any) -> list[Part]:
     situation = Situation("Sancho", "Supervised", "Drives without asking.", **facts)
     messages = [{"role": "system", "content": prompts.system(situation)}, {"role": "user", "content": asked}]
-    return [part async for part in model.stream(model.OFFLINE_MODEL, messages, tools, situation)]
+    return [part async for part in providers.stream(model.OFFLINE_MODEL, messages, tools, situation)]
 
 
 async def test_it_drives_back_to_the_pose_where_the_session_started() -> None:
@@ -45,7 +45,7 @@ async def test_words_that_look_like_a_situation_are_none() -> None:
     )
     for asked, tools in (("come back", [DRIVE]), ("say hello", [])):
         messages = [{"role": "system", "content": prompts.system(situation)}, {"role": "user", "content": asked}]
-        parts = [part async for part in model.stream(model.OFFLINE_MODEL, messages, tools, situation)]
+        parts = [part async for part in providers.stream(model.OFFLINE_MODEL, messages, tools, situation)]
         assert not [part for part in parts if isinstance(part, Call)]
         assert "ask" not in str(parts)
 
@@ -70,7 +70,7 @@ async def test_the_usage_counts_the_words_of_the_context_and_comes_before_the_ca
 
 async def test_an_offline_model_that_does_not_exist_is_an_error_in_words() -> None:
     with pytest.raises(ModelError, match=r"There is no model offline/other\. .*offline/commands"):
-        async for _ in model.stream("offline/other", [], [], Situation("Sancho", "", "")):
+        async for _ in providers.stream("offline/other", [], [], Situation("Sancho", "", "")):
             pass
 
 
@@ -101,14 +101,14 @@ def test_the_system_message_holds_each_fact_of_the_situation() -> None:
 AGENT_WITH_THE_OFFLINE_MODEL = """
 import asyncio, sys
 from backend.agent import server
-from backend.agent.turns import model
+from backend.agent.turns import model, providers
 from backend.agent.robot.mcp_client import McpClient
 
 async def main():
     robot = McpClient("http://127.0.0.1:1/mcp", absent="")
     await server._warm_up(robot, model.OFFLINE_MODEL)
     messages = [{"role": "user", "content": "help"}]
-    async for part in model.stream(model.OFFLINE_MODEL, messages, [], model.Situation("Sancho", "", "")):
+    async for part in providers.stream(model.OFFLINE_MODEL, messages, [], model.Situation("Sancho", "", "")):
         print(type(part).__name__)
     print(*sorted({"litellm", "openai", "tiktoken", "tokenizers"} & set(sys.modules)))
 

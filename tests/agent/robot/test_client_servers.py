@@ -19,7 +19,6 @@ import pytest
 from backend.agent.robot.client_servers import ClientServers
 from backend.agent.robot.mcp_client import McpClient, Tool
 from backend.agent.robot.server_addresses import Offer
-from backend.agent.sessions import sessions as agent_sessions
 from backend.agent.sessions.journal import Journal
 from backend.agent.sessions.sessions import Sessions
 from backend.agent.sessions.store import Store
@@ -391,19 +390,17 @@ async def test_a_call_ends_with_the_connection_that_it_runs_on(lab: Lab) -> None
     assert result.text == "The MCP server lab does not answer."
 
 
-async def test_a_session_that_nobody_uses_lets_its_servers_go(
-    lab: Lab, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_session_that_nobody_uses_lets_its_servers_go(lab: Lab, tmp_path: Path) -> None:
     store = Store(f"sqlite:///{tmp_path / 'sessions.db'}")
     await store.open()
     nowhere = McpClient(f"http://127.0.0.1:{free_port()}/mcp", absent="There is no robot.")
     kept = Sessions(store, Journal(store), nowhere, "get_current_pose", 1.0)
     session = await kept.create("Ana", "/", "supervised", "offline/commands")
-    await session.offered.take([Offer("lab", lab.url, {})])
-    await session.offered.beside({})
+    await session.client_servers.take([Offer("lab", lab.url, {})])
+    await session.client_servers.beside({})
     await kept.create("Ana", "/", "supervised", "offline/commands")
     assert len(connections()) == 1
-    monkeypatch.setattr(agent_sessions, "IDLE_S", -1.0)
+    kept.idle_s = -1.0
     await kept.create("Ana", "/", "supervised", "offline/commands")
     await eventually(lambda: connections() == [], "the connection to end")
     await kept.close()

@@ -23,8 +23,8 @@ from backend.agent.sessions.journal import Journal
 from backend.agent.sessions.session import Session
 from backend.agent.sessions.sessions import Sessions
 from backend.agent.sessions.store import Store
+from backend.agent.turns.environment import TurnEnvironment
 from backend.agent.turns.model import OFFLINE_MODEL
-from backend.agent.turns.turn import TurnEnvironment
 from backend.agent.wiring import Wiring
 from backend.chat.link import RefusedError
 from backend.config import Settings

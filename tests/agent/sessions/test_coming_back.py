@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import functools
 from collections.abc import AsyncIterator, Iterator
 
 import pytest
 
 from backend import config
 from backend.agent import server
-from backend.agent.control import permissions
+from backend.agent.sessions.sessions import Sessions
 from backend.identity import Role
 from tests.processes import Client, Robot, eventually, listens
 
@@ -24,8 +25,9 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
 
 
 @pytest.fixture
-async def agent(robot: Robot) -> AsyncIterator[None]:
-    """The agent at work."""
+async def agent(robot: Robot, grace_s: float, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[None]:
+    """The agent at work; it expects people back for `grace_s` seconds."""
+    monkeypatch.setattr(server, "Sessions", functools.partial(Sessions, grace_s=grace_s))
     ports = {"robot": {"port": robot.robot_port}, "agent": {"port": robot.agent_port}}
     serving = asyncio.create_task(server.serve(config.load(data_dir=robot.data, **ports)))
     await eventually(lambda: listens(robot.agent_port), "the agent to answer")
@@ -59,10 +61,8 @@ async def sue(robot: Robot, vera: Client) -> Client:
     return client
 
 
-async def test_whoever_loads_the_page_again_finds_the_question(
-    robot: Robot, vera: Client, sue: Client, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(permissions, "GRACE_S", 600.0)
+@pytest.mark.parametrize("grace_s", [600.0])
+async def test_whoever_loads_the_page_again_finds_the_question(robot: Robot, vera: Client, sue: Client) -> None:
     turn = vera.later(vera.prompt("say hello"))
     await eventually(lambda: sue.questions, "the question")
     await sue.close()
@@ -77,10 +77,8 @@ async def test_whoever_loads_the_page_again_finds_the_question(
     await back.close()
 
 
-async def test_a_question_for_whoever_does_not_come_back_ends(
-    vera: Client, sue: Client, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(permissions, "GRACE_S", 0.05)
+@pytest.mark.parametrize("grace_s", [0.05])
+async def test_a_question_for_whoever_does_not_come_back_ends(vera: Client, sue: Client) -> None:
     turn = vera.later(vera.prompt("say hello"))
     await eventually(lambda: sue.questions, "the question")
     await sue.close()

@@ -7,7 +7,7 @@ import pickle
 from typing import Any
 
 from backend.agent.acp import updates
-from backend.agent.control.permissions import Verdict
+from backend.agent.control.approvers import Outcome
 from backend.agent.robot.mcp_client import Tool, ToolResult
 from backend.agent.sessions.history import MAX_CHARS, PHOTO_NOTE, History
 
@@ -141,9 +141,9 @@ def test_a_fork_has_the_refusals_and_not_the_permissions_of_its_past() -> None:
     speak = Tool("speak", "Speak", {}, "Speak", None, False)
     history = history_of(
         updates.tool_call("t.1", DRIVE, {}, "pending"),
-        updates.tool_status("t.1", "in_progress", verdict=Verdict(True, "selected", "allow_always", "Ana")),
+        updates.tool_status("t.1", "in_progress", outcome=Outcome(True, "selected", "allow_always", "Ana")),
         updates.tool_call("t.2", speak, {}, "pending"),
-        updates.tool_status("t.2", "failed", verdict=Verdict(False, "selected", "reject_always", "Ana")),
+        updates.tool_status("t.2", "failed", outcome=Outcome(False, "selected", "reject_always", "Ana")),
     )
     assert history.remembered == {"navigate_to_place": True, "speak": False}
     history.apply(updates.forked("s0"))

@@ -13,7 +13,6 @@ import orjson
 import pytest
 
 from backend.agent.robot.mcp_client import McpClient
-from backend.agent.sessions import journal as journal_module
 from backend.agent.sessions.history import History
 from backend.agent.sessions.journal import Journal
 from backend.agent.sessions.session import Session
@@ -23,21 +22,6 @@ from tests.databases import Cluster, Database, SQLite
 from tests.processes import PATIENCE_S, eventually
 
 ROW = SessionRow("s1", "Ana", None, "/", "supervised", "offline/commands", None, 0.0, 0.0)
-
-
-@pytest.fixture(autouse=True)
-def calm(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A slow disk is no failure, and the next try comes soon."""
-    monkeypatch.setattr(journal_module, "RETRY_S", 0.01)
-    monkeypatch.setattr(journal_module, "PATIENCE_S", PATIENCE_S)
-
-
-@contextmanager
-def hurried(trouble: AbstractContextManager[None]) -> Iterator[None]:
-    """While the database is in trouble, the journal loses patience soon."""
-    with pytest.MonkeyPatch.context() as patched, trouble:
-        patched.setattr(journal_module, "PATIENCE_S", 0.2)
-        yield
 
 
 @dataclass
@@ -55,6 +39,14 @@ class Work:
     async def kept(self) -> list[str]:
         return [event.update["content"]["text"] async for event in self.store.events("s1")]
 
+    @contextmanager
+    def hurried(self, trouble: AbstractContextManager[None]) -> Iterator[None]:
+        """While the database is in trouble, the journal loses patience soon."""
+        self.journal.patience_s = 0.2
+        with trouble:
+            yield
+        self.journal.patience_s = PATIENCE_S
+
     async def recovered(self) -> None:
         await eventually(lambda: self.journal.failure is None, "the next try")
 
@@ -64,7 +56,7 @@ async def at_work(database: Database) -> AsyncIterator[Work]:
     store = Store(database.url)
     await store.open()
     await store.add_session(ROW)
-    journal = Journal(store)
+    journal = Journal(store, retry_s=0.01, patience_s=PATIENCE_S)  # a slow disk is no failure
     running = asyncio.create_task(journal.run())
     session = Session(ROW, journal, History(), 0, 1.0, asyncio.create_task)  # type: ignore[arg-type]
     work = Work(store, journal, session)
@@ -100,7 +92,7 @@ async def test_what_could_not_be_written_is_shown_and_written_when_it_can_be(dat
     async with at_work(database) as work:
         work.tell("before")
         await work.session.flushed()
-        with hurried(database.away()):
+        with work.hurried(database.away()):
             work.tell("one")
             work.tell("two")
             await work.session.flushed()
@@ -120,7 +112,7 @@ async def test_what_could_not_be_written_is_shown_and_written_when_it_can_be(dat
 
 async def test_a_write_that_hangs_hides_nothing_and_is_kept_once_whenever_it_ends(database: Database) -> None:
     async with at_work(database) as work:
-        with hurried(database.hanging()):
+        with work.hurried(database.hanging()):
             work.tell("one")
             await eventually(lambda: not work.journal._unkept, "the write to be under way")
             work.tell("two")
@@ -147,7 +139,7 @@ async def test_a_replay_while_the_log_cannot_be_written_has_no_gap(tmp_path: Pat
 
         work.tell("before")
         await work.session.flushed()
-        with hurried(database.away()):
+        with work.hurried(database.away()):
             work.tell("one")
             await eventually(lambda: work.journal.failure, "the failure")
             work.tell("two")
@@ -161,7 +153,7 @@ async def test_a_replay_while_the_log_cannot_be_written_has_no_gap(tmp_path: Pat
 
 async def test_changes_that_could_not_be_written_are_none_lost(database: Database) -> None:
     async with at_work(database) as work:
-        with hurried(database.away()):
+        with work.hurried(database.away()):
             work.session.change(title="Tea", mode="observe")
             await eventually(lambda: work.journal.failure, "the failure")
             work.session.change(mode="plan")

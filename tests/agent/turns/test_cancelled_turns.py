@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Awaitable, Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
@@ -19,13 +20,13 @@ from backend.agent.control.policy import Policy
 from backend.agent.robot import mcp_client
 from backend.agent.robot.mcp_client import McpClient, ServerUnavailable, Tool, ToolResult
 from backend.agent.robot.robot_client import RobotClient
-from backend.agent.sessions import session as agent_session
 from backend.agent.sessions.history import History
 from backend.agent.sessions.journal import Journal
 from backend.agent.sessions.session import Session
 from backend.agent.sessions.store import SessionRow, Store
 from backend.agent.turns import model
-from backend.agent.turns.turn import Turn, TurnEnvironment
+from backend.agent.turns.environment import TurnEnvironment
+from backend.agent.turns.turn import Turn
 from backend.identity import Identity, Role
 from backend.telemetry import Battery, Pose, State, Twist
 from tests.processes import PATIENCE_S, eventually
@@ -34,18 +35,48 @@ ROW = SessionRow("s1", "Ana", None, "/", "supervised", model.OFFLINE_MODEL, None
 ANA = Identity("Ana", Role.SUPERVISOR)
 
 
+RECANCEL_AFTER_S = 0.05
+
+
 @pytest.fixture
 async def session(tmp_path: Path) -> AsyncIterator[Session]:
+    """A session in which a cancel that is lost may soon be repeated."""
     store = Store(f"sqlite:///{tmp_path / 'sessions.db'}")
     await store.open()
     await store.add_session(ROW)
     journal = Journal(store)
     keeping = asyncio.create_task(journal.run())
-    yield Session(ROW, journal, History(), 0, 1.0, asyncio.create_task)  # type: ignore[arg-type]
+    yield Session(ROW, journal, History(), 0, 1.0, asyncio.create_task, recancel_after_s=RECANCEL_AFTER_S)  # type: ignore[arg-type]
     await journal.flush()
     keeping.cancel()
     await asyncio.gather(keeping, return_exceptions=True)
     await store.close()
+
+
+async def at_once(_: BaseException) -> str:
+    """Halts a turn that moved nothing."""
+    return "cancelled"
+
+
+@dataclass(eq=False)
+class Working:
+    """A turn that does what a test says."""
+
+    doing: Callable[[], Awaitable[str]]
+    halting: Callable[[BaseException], Awaitable[str]] = at_once
+    id: str = "t1"
+
+    async def work(self) -> str:
+        return await self.doing()
+
+    async def halt(self, error: BaseException) -> str:
+        return await self.halting(error)
+
+    def close(self) -> None:
+        pass
+
+    def seconds(self) -> dict[str, float]:
+        return {}
 
 
 class _Broken:
@@ -87,7 +118,7 @@ async def test_a_turn_that_takes_leave_of_a_broken_server_is_cancelled_all_the_s
         went_on = True
         return "end_turn"
 
-    turn = asyncio.create_task(session.run_turn(work))
+    turn = asyncio.create_task(session.run_turn(Working(work)))
     await eventually(server.asked_to_go.is_set, "the connection to be left")
     session.cancel()
     done, _ = await asyncio.wait([turn], timeout=PATIENCE_S)
@@ -106,10 +137,7 @@ async def test_a_server_that_does_not_take_leave_makes_nobody_wait_for_long(monk
     server.let_go.set()
 
 
-async def test_a_cancel_that_something_swallowed_can_be_repeated(
-    session: Session, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(agent_session, "UNWINDING_S", 0.05)
+async def test_a_cancel_that_something_swallowed_can_be_repeated(session: Session) -> None:
     swallowed = asyncio.Event()
 
     async def work() -> str:
@@ -123,7 +151,7 @@ async def test_a_cancel_that_something_swallowed_can_be_repeated(
         session.cancel()
         return turn.done()
 
-    turn = asyncio.create_task(session.run_turn(work))
+    turn = asyncio.create_task(session.run_turn(Working(work)))
     await eventually(lambda: session.busy, "the turn")
     await asyncio.sleep(0)
     session.cancel()
@@ -132,45 +160,78 @@ async def test_a_cancel_that_something_swallowed_can_be_repeated(
     assert await turn == "cancelled"
 
 
-async def test_closing_a_session_ends_a_turn_that_lost_its_cancel(
-    session: Session, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(agent_session, "UNWINDING_S", 0.05)
-
+async def test_closing_a_session_ends_a_turn_that_lost_its_cancel(session: Session) -> None:
     async def work() -> str:
         with contextlib.suppress(asyncio.CancelledError):
             await asyncio.Event().wait()
         await asyncio.Event().wait()
         return "end_turn"
 
-    turn = asyncio.create_task(session.run_turn(work))
+    turn = asyncio.create_task(session.run_turn(Working(work)))
     await eventually(lambda: session.busy, "the turn")
     async with asyncio.timeout(PATIENCE_S):
         await session.close()
     assert await turn == "cancelled"
 
 
-async def test_no_second_cancel_interrupts_a_turn_that_halts(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(agent_session, "UNWINDING_S", -1.0)
+async def test_no_second_cancel_interrupts_a_turn_that_halts(session: Session) -> None:
     halting, at_rest = asyncio.Event(), asyncio.Event()
+    session._recancel_after_s = -1.0  # each cancel is passed on
 
     async def work() -> str:
-        try:
-            await asyncio.Event().wait()
-        except asyncio.CancelledError:
-            session.halting()
-            halting.set()
-            await at_rest.wait()
+        await asyncio.Event().wait()
+        return "end_turn"
+
+    async def halt(_: BaseException) -> str:
+        halting.set()
+        await at_rest.wait()
         return "halted"
 
-    turn = asyncio.create_task(session.run_turn(work))
-    await eventually(lambda: session.busy, "the turn")
-    await asyncio.sleep(0)
+    turn = asyncio.create_task(session.run_turn(Working(work, halt)))
+    await eventually(lambda: session.turn_id == "t1", "the turn")
     session.cancel()
     await eventually(halting.is_set, "the halt")
     session.cancel()
+    assert session.turn_id == "t1", "the robot does not rest yet"
     at_rest.set()
     assert await turn == "halted"
+    assert session.turn_id is None
+
+
+async def test_a_cancel_reaches_the_turns_that_wait(session: Session) -> None:
+    begun: list[str] = []
+
+    def doing(name: str) -> Working:
+        async def work() -> str:
+            begun.append(name)
+            await asyncio.Event().wait()
+            return "end_turn"
+
+        return Working(work, id=name)
+
+    turns = [asyncio.create_task(session.run_turn(doing(name))) for name in ("first", "second")]
+    await eventually(lambda: session.turn_id == "first", "the first turn")
+    session.cancel()
+    assert await asyncio.gather(*turns) == ["cancelled", "cancelled"]
+    assert begun == ["first"]
+
+
+async def test_a_turn_that_fails_halts_and_everybody_sees_that_it_is_over(session: Session) -> None:
+    errors: list[BaseException] = []
+
+    async def work() -> str:
+        raise ValueError("unknown")
+
+    async def halt(error: BaseException) -> str:
+        errors.append(error)
+        return "end_turn"
+
+    assert await session.run_turn(Working(work, halt)) == "end_turn"
+    assert [str(error) for error in errors] == ["unknown"]
+    await session.flushed()
+    [ended] = [event async for event in session._journal._store.events("s1")]
+    assert ended.update["_meta"]["robot-acp/turn"] == {"id": "t1", "state": "ended", "stopReason": "end_turn"}
+    assert not session.busy
 
 
 class Robot(McpClient):
@@ -199,7 +260,7 @@ async def test_the_robot_is_given_on_at_rest_when_a_turn_fails_in_mid_motion(ses
         "Sancho", tools, Policy(), link, session._journal._store, lease, 1.0, 5, 1.0, infer=turning
     )
     turn = asyncio.create_task(
-        session.run_turn(Turn(environment, session, ANA, [{"type": "text", "text": "turn"}], None).run)
+        session.run_turn(Turn(environment, session, ANA, [{"type": "text", "text": "turn"}], None))
     )
     told = "The robot does not answer."
     await eventually(lambda: told in str(session.history.messages()) or turn.done(), "the failure to be told")

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from backend.agent.turns import litellm_models, model
+from backend.agent.turns import litellm_models, model, providers
 
 
 def delta(index: int | None, call_id: str | None, name: str | None, arguments: str | None) -> Any:
@@ -30,7 +30,7 @@ async def calls_of(monkeypatch: pytest.MonkeyPatch, *deltas: Any) -> list[model.
 
     monkeypatch.setattr(litellm_models.litellm, "acompletion", acompletion)
     situation = model.Situation("Sancho", "Supervised", "Drives without asking.")
-    return [part async for part in model.stream("openai/m", [{"role": "user", "content": "x"}], [], situation)]
+    return [part async for part in providers.stream("openai/m", [{"role": "user", "content": "x"}], [], situation)]
 
 
 async def test_two_whole_calls_with_one_index_are_two(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -190,16 +190,6 @@ async def test_a_turn_goes_on_when_the_one_who_asked_is_gone(robot: Robot, conne
     await eventually(lambda: "I said: “Hello.”" in watching.said, "the end of the turn")
 
 
-async def test_two_prompts_to_one_session_run_one_after_the_other(connect: Opener) -> None:
-    client = await connect()
-    await client.new()
-    await asyncio.gather(client.prompt("turn left by 20 degrees"), client.prompt("turn right by 20 degrees"))
-    turns = [u["_meta"]["robot-acp/turn"] for u in client.updates if "robot-acp/turn" in (u.get("_meta") or {})]
-    assert len({t["id"] for t in turns}) == 2
-    statuses = [u["status"] for u in client.updates if "status" in u]
-    assert statuses == ["pending", "in_progress", "completed"] * 2
-
-
 @pytest.mark.parametrize(
     ("asked", "answered"),
     [

@@ -7,8 +7,7 @@ from typing import Any
 
 import pytest
 
-from backend.agent.control import permissions
-from backend.agent.control.permissions import Audience, PermissionDesk, Verdict, read_answer
+from backend.agent.control.approvers import AbsentApprovers, Outcome, PermissionRequests, read_answer
 from tests.processes import PATIENCE_S
 
 CALL = {"toolCallId": "t1", "title": "Say aloud: “Hi.”"}
@@ -45,19 +44,22 @@ class Person:
             raise
 
 
-class Desk:
-    def __init__(self, *people: Person, timeout_s: float = 60.0, audience: Audience | None = None) -> None:
-        self._tasks: list[asyncio.Task[None]] = []
-        self.desk = PermissionDesk(timeout_s, self._spawn, audience)
-        for person in people:
-            self.desk.attach(person)
+class Attached(PermissionRequests):
+    """The permission requests of a session that some people are attached to."""
 
-    def _spawn(self, work: Any) -> asyncio.Task[None]:
+    def __init__(self, *people: Person, timeout_s: float = 60.0, absent: AbsentApprovers | None = None) -> None:
+        self._tasks: list[asyncio.Task[None]] = []
+        super().__init__(timeout_s, self._start, absent)
+        for person in people:
+            self.attach(person)
+
+    def _start(self, work: Any) -> asyncio.Task[None]:
         self._tasks.append(asyncio.create_task(work))
         return self._tasks[-1]
 
-    def ask(self) -> asyncio.Task[Verdict]:
-        return asyncio.create_task(self.desk.ask("s1", CALL, "speech", "Visitor"))
+    def asking(self, asker: str = "Visitor", excluded: str | None = None) -> asyncio.Task[Outcome]:
+        """A request whether the asker's call may run."""
+        return asyncio.create_task(self.ask("s1", CALL, "speech", asker, excluded))
 
 
 @pytest.fixture
@@ -81,11 +83,11 @@ async def asked(*people: Person) -> None:
     [("allow_once", True), ("allow_always", True), ("reject_once", False), ("reject_always", False)],
 )
 async def test_the_chosen_option_counts_not_that_one_was_chosen(ana: Person, option: str, allowed: bool) -> None:
-    question = Desk(ana).ask()
+    question = Attached(ana).asking()
     await asked(ana)
     assert ana.asked is not None
     ana.asked.set_result(chosen(option))
-    assert await question == Verdict(allowed, "selected", option, "Ana")
+    assert await question == Outcome(allowed, "selected", option, "Ana")
 
 
 @pytest.mark.parametrize(
@@ -106,7 +108,7 @@ async def test_the_chosen_option_counts_not_that_one_was_chosen(ana: Person, opt
 )
 async def test_an_answer_that_is_none_of_those_offered_refuses(ana: Person, answer: Any) -> None:
     assert read_answer(answer) is None
-    question = Desk(ana).ask()
+    question = Attached(ana).asking()
     await asked(ana)
     assert ana.asked is not None
     ana.asked.set_result(answer)
@@ -114,7 +116,7 @@ async def test_an_answer_that_is_none_of_those_offered_refuses(ana: Person, answ
 
 
 async def test_the_first_answer_counts_and_the_others_see_the_question_withdrawn(ana: Person, ben: Person) -> None:
-    question = Desk(ana, ben).ask()
+    question = Attached(ana, ben).asking()
     await asked(ana, ben)
     ben.says("reject_once")
     assert (await question).by == "Ben"
@@ -124,7 +126,7 @@ async def test_the_first_answer_counts_and_the_others_see_the_question_withdrawn
 
 
 async def test_a_client_that_cannot_answer_leaves_the_question_to_the_others(ana: Person, ben: Person) -> None:
-    question = Desk(ana, ben).ask()
+    question = Attached(ana, ben).asking()
     await asked(ana, ben)
     assert ana.asked is not None
     assert ben.asked is not None
@@ -134,183 +136,176 @@ async def test_a_client_that_cannot_answer_leaves_the_question_to_the_others(ana
 
 
 async def test_the_answer_of_one_who_may_no_longer_approve_does_not_count(ana: Person) -> None:
-    question = Desk(ana).ask()
+    question = Attached(ana).asking()
     await asked(ana)
     ana.may_approve = False
     ana.says("allow_once")
-    assert await question == Verdict(False, "nobody")
+    assert await question == Outcome(False, "nobody")
 
 
 async def test_what_needs_four_eyes_is_not_asked_of_the_asker(ana: Person, ben: Person) -> None:
-    desk = Desk(ana, ben)
-    question = asyncio.create_task(desk.desk.ask("s1", CALL, "speech", "Ana", not_by="Ana"))
+    requests = Attached(ana, ben)
+    question = requests.asking("Ana", excluded="Ana")
     await asked(ben)
     assert ana.asked is None
     ben.says("allow_once")
     assert (await question).by == "Ben"
-    alone = Desk(ana).desk.ask("s1", CALL, "speech", "Ana", not_by="Ana")
-    assert await alone == Verdict(False, "nobody")
+    alone = Attached(ana).asking("Ana", excluded="Ana")
+    assert await alone == Outcome(False, "nobody")
 
 
 async def test_nobody_to_ask_refuses_at_once() -> None:
-    assert await Desk().ask() == Verdict(False, "nobody")
+    assert await Attached().asking() == Outcome(False, "nobody")
 
 
 async def test_with_somebody_who_may_come_it_waits_and_asks_who_comes(ana: Person) -> None:
-    desk = PermissionDesk(60.0, asyncio.create_task, Audience(lambda: [ana]))
-    question = asyncio.create_task(desk.ask("s1", CALL, "speech", "Visitor"))
+    requests = Attached(absent=AbsentApprovers(lambda: [ana]))
+    question = requests.asking()
     await asyncio.sleep(0)
     assert not question.done()
-    desk.attach(ana)
+    requests.attach(ana)
     await asked(ana)
     ana.says("allow_once")
     assert (await question).by == "Ana"
-    assert await desk.ask("s1", CALL, "speech", "Ana", not_by="Ana") == Verdict(False, "nobody")
+    assert await requests.asking("Ana", excluded="Ana") == Outcome(False, "nobody")
 
 
 async def test_no_answer_in_time_refuses(ana: Person) -> None:
-    assert await Desk(ana, timeout_s=0.05).ask() == Verdict(False, "timeout")
+    assert await Attached(ana, timeout_s=0.05).asking() == Outcome(False, "timeout")
 
 
-async def test_when_the_last_one_leaves_and_does_not_come_back_it_is_refused(
-    ana: Person, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(permissions, "GRACE_S", 0.05)
-    desk = Desk(ana)
-    question = desk.ask()
+async def test_when_the_last_one_leaves_and_does_not_come_back_it_is_refused(ana: Person) -> None:
+    requests = Attached(ana, absent=AbsentApprovers(grace_s=0.05))
+    question = requests.asking()
     await asked(ana)
-    desk.desk.detach(ana)
-    assert await question == Verdict(False, "nobody")
-    assert await desk.ask() == Verdict(False, "nobody")  # nobody is expected any more
+    requests.detach(ana)
+    assert await question == Outcome(False, "nobody")
+    assert await requests.asking() == Outcome(False, "nobody")  # nobody is expected any more
 
 
-async def test_one_whose_answer_did_not_count_keeps_no_question_open(
-    ana: Person, ben: Person, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(permissions, "GRACE_S", 0.05)
-    desk = Desk(ana, ben)
-    question = desk.ask()
+async def test_one_whose_answer_did_not_count_keeps_no_question_open(ana: Person, ben: Person) -> None:
+    requests = Attached(ana, ben, absent=AbsentApprovers(grace_s=0.05))
+    question = requests.asking()
     await asked(ben)
     assert ben.asked is not None
     ben.asked.set_exception(RuntimeError("cannot show it"))
     await asyncio.sleep(0)
-    desk.desk.detach(ana)
-    assert await question == Verdict(False, "nobody")
+    requests.detach(ana)
+    assert await question == Outcome(False, "nobody")
 
 
 async def test_one_whose_answer_did_not_count_speaks_for_nobody_who_is_expected(ana: Person, ben: Person) -> None:
-    desk = Desk(ana, ben)
-    desk.desk.detach(ana)
-    question = desk.ask()
+    requests = Attached(ana, ben)
+    requests.detach(ana)
+    question = requests.asking()
     await asked(ben)
     assert ben.asked is not None
     ben.asked.set_exception(RuntimeError("cannot show it"))
     again = Person("Ana")
-    desk.desk.attach(again)
+    requests.attach(again)
     await asked(again)
     again.says("allow_once")
     assert (await question).by == "Ana"
 
 
-async def test_one_who_is_expected_is_expected_at_every_desk(ana: Person) -> None:
-    audience = Audience()
-    here, there = Desk(ana, audience=audience), Desk(audience=audience)
-    here.desk.detach(ana)
-    question = there.ask()
+async def test_one_who_is_expected_is_expected_in_every_session(ana: Person) -> None:
+    absent = AbsentApprovers()
+    here, there = Attached(ana, absent=absent), Attached(absent=absent)
+    here.detach(ana)
+    question = there.asking()
     await asyncio.sleep(0)
     assert not question.done()
-    there.desk.attach(ana)
+    there.attach(ana)
     await asked(ana)
     ana.says("allow_once")
     assert (await question).by == "Ana"
 
 
-async def test_one_who_is_expected_no_longer_is_so_at_no_desk(ana: Person, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(permissions, "GRACE_S", 0.05)
+async def test_one_who_is_expected_no_longer_is_so_in_no_session(ana: Person) -> None:
     watching = [ana]
-    audience = Audience(lambda: watching)
-    here, there = Desk(ana, audience=audience), Desk(audience=audience)
-    question = there.ask()
+    absent = AbsentApprovers(lambda: watching, grace_s=0.05)
+    here, there = Attached(ana, absent=absent), Attached(absent=absent)
+    question = there.asking()
     await asyncio.sleep(0)
     watching.clear()
-    here.desk.detach(ana)
-    assert await question == Verdict(False, "nobody")
+    here.detach(ana)
+    assert await question == Outcome(False, "nobody")
 
 
 async def test_one_whose_login_has_ended_is_not_waited_for(ana: Person) -> None:
-    desk = Desk(ana)
-    question = desk.ask()
+    requests = Attached(ana)
+    question = requests.asking()
     await asked(ana)
     ana.may_approve = False
-    desk.desk.detach(ana)
-    assert await question == Verdict(False, "nobody")
+    requests.detach(ana)
+    assert await question == Outcome(False, "nobody")
 
 
 async def test_the_last_one_who_comes_back_is_asked_again(ana: Person) -> None:
-    desk = Desk(ana)
-    question = desk.ask()
+    requests = Attached(ana)
+    question = requests.asking()
     await asked(ana)
-    desk.desk.detach(ana)
+    requests.detach(ana)
     again = Person("Ana")
-    desk.desk.attach(again)
+    requests.attach(again)
     await asked(again)
     again.says("allow_once")
-    assert await question == Verdict(True, "selected", "allow_once", "Ana")
+    assert await question == Outcome(True, "selected", "allow_once", "Ana")
 
 
 async def test_what_is_asked_while_they_are_away_waits_for_them(ana: Person) -> None:
-    desk = Desk(ana)
-    desk.desk.detach(ana)
-    question = desk.ask()
+    requests = Attached(ana)
+    requests.detach(ana)
+    question = requests.asking()
     again = Person("Ana")
     await asyncio.sleep(0)
-    desk.desk.attach(again)
+    requests.attach(again)
     await asked(again)
     again.says("reject_once")
     assert (await question).by == "Ana"
 
 
 async def test_a_connection_that_breaks_is_somebody_who_may_come_back(ana: Person) -> None:
-    desk = Desk(ana)
-    question = desk.ask()
+    requests = Attached(ana)
+    question = requests.asking()
     await asked(ana)
     assert ana.asked is not None
     ana.asked.set_exception(ConnectionError("gone"))
     await asyncio.sleep(0)
-    desk.desk.detach(ana)
+    requests.detach(ana)
     again = Person("Ana")
-    desk.desk.attach(again)
+    requests.attach(again)
     await asked(again)
     again.says("allow_once")
     assert (await question).allowed
 
 
 async def test_whoever_asked_is_not_waited_for_where_somebody_else_has_to_agree(ana: Person) -> None:
-    desk = Desk(ana)
-    desk.desk.detach(ana)
-    assert await desk.desk.ask("s1", CALL, "speech", "Ana", not_by="Ana") == Verdict(False, "nobody")
+    requests = Attached(ana)
+    requests.detach(ana)
+    assert await requests.asking("Ana", excluded="Ana") == Outcome(False, "nobody")
 
 
 async def test_one_who_opens_the_session_again_is_asked_again_and_refuses_nothing_by_that(ana: Person) -> None:
-    desk = Desk(ana)
-    question = desk.ask()
+    requests = Attached(ana)
+    question = requests.asking()
     await asked(ana)
-    desk.desk.detach(ana, returns=True)
+    requests.detach(ana, reattaching=True)
     async with asyncio.timeout(PATIENCE_S):
         while not ana.withdrawn:
             await asyncio.sleep(0)
     ana.asked = None
-    desk.desk.attach(ana)
+    requests.attach(ana)
     await asked(ana)
     ana.says("allow_once")
     assert (await question).allowed
 
 
 async def test_one_who_comes_later_gets_the_pending_question(ana: Person, ben: Person) -> None:
-    desk = Desk(ana)
-    question = desk.ask()
+    requests = Attached(ana)
+    question = requests.asking()
     await asked(ana)
-    desk.desk.attach(ben)
+    requests.attach(ben)
     await asked(ben)
     ben.says("allow_once")
     assert (await question).by == "Ben"
@@ -318,9 +313,9 @@ async def test_one_who_comes_later_gets_the_pending_question(ana: Person, ben: P
 
 @pytest.mark.parametrize("option", ["allow_always", "reject_always"])
 async def test_what_needs_four_eyes_has_no_always(ana: Person, option: str) -> None:
-    question = asyncio.create_task(Desk(ana).desk.ask("s1", CALL, "speech", "Ben", not_by="Ben"))
+    question = Attached(ana).asking("Ben", excluded="Ben")
     await asked(ana)
     assert ana.asked is not None
     assert ana.offered == ["allow_once", "reject_once"]
     ana.asked.set_result(chosen(option))
-    assert await question == Verdict(False, "nobody")
+    assert await question == Outcome(False, "nobody")
