@@ -9,6 +9,7 @@ import time
 from collections.abc import AsyncIterator, Iterator
 
 import pytest
+import pytest_asyncio
 from playwright.async_api import Page, WebSocket, expect
 
 from backend.identity import Role
@@ -31,7 +32,7 @@ def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
         yield running
 
 
-@pytest.fixture
+@pytest_asyncio.fixture(loop_scope="session")
 async def cable(up: Running) -> AsyncIterator[Cable]:
     """The network of those who are cut off."""
     async with cable_to(up.robot.bridge_port) as cable:

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from urllib.parse import urljoin
 
-import pytest
+import pytest_asyncio
 from PIL import Image
 from playwright.async_api import Page
 
@@ -15,7 +15,7 @@ from tests.end_to_end.conftest import Opener
 from tests.processes import Robot
 
 
-@pytest.fixture
+@pytest_asyncio.fixture(loop_scope="session")
 async def page(tmp_path: Path, open_page: Opener):
     """The page as somebody without a login finds it, behind a bridge that is all alone."""
     robot = Robot(tmp_path)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import pytest_asyncio
 from playwright.async_api import Locator, Page, expect
 
 from backend.agent.sessions.sessions import PAGE
@@ -27,7 +28,7 @@ def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
         yield running
 
 
-@pytest.fixture
+@pytest_asyncio.fixture(loop_scope="session")
 async def terminal(up: Running) -> AsyncIterator[Callable[[str, Role], Awaitable[Client]]]:
     """Opens clients without a screen."""
     clients: list[Client] = []

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import AsyncIterator
 
 from backend.agent.offline.commands import Reply, respond
-from backend.agent.sessions.history import Message
+from backend.agent.sessions.history import Message, without_pictures
 from backend.agent.turns.model import OFFLINE_MODEL, Call, ModelError, Part, Situation, Text, ToolSchema, Usage
 
 CONTEXT_WORDS = 100_000
@@ -29,5 +29,6 @@ async def stream(
 
 
 def _reply(messages: list[Message], tools: list[ToolSchema], situation: Situation) -> tuple[Reply, int]:
+    messages = without_pictures(messages)  # a photo of the robot's own is no new wish of a person
     reply = respond(messages, tools, situation)
     return reply, len(reply.text.split()) + sum(len(str(m.get("content") or "").split()) for m in messages)

@@ -200,3 +200,18 @@ def _result_text(update: dict[str, Any]) -> str:
     if update.get("rawOutput") is not None:
         return json.dumps(update["rawOutput"], ensure_ascii=False)
     return "\n".join(texts) or "done"
+
+
+def without_pictures(messages: list[Message]) -> list[Message]:
+    """The messages for a model that cannot see: without photos, and with a note for each picture of a person."""
+    kept: list[Message] = []
+    for message in messages:
+        content = message.get("content")
+        if not isinstance(content, list):
+            kept.append(message)
+            continue
+        if content and content[0].get("text") == PHOTO_NOTE:
+            continue
+        texts = [p["text"] if p["type"] == "text" else "[a picture that this model cannot see]" for p in content]
+        kept.append(message | {"content": "\n".join(texts)})
+    return kept

@@ -15,7 +15,7 @@ from typing import Any
 
 import orjson
 
-from backend.agent.sessions.history import PHOTO_NOTE, Message
+from backend.agent.sessions.history import Message, without_pictures
 from backend.agent.turns.model import (
     Call,
     Cut,
@@ -57,7 +57,7 @@ async def stream(
     current: dict[int, _PartialCall] = {}
     try:
         if not _sees(model):
-            messages = _without_pictures(messages)
+            messages = without_pictures(messages)
         response = await litellm.acompletion(
             model=model,
             messages=messages,
@@ -113,21 +113,6 @@ def _context_size(model: str) -> int:
         return int(litellm.get_model_info(model)["max_input_tokens"] or 0)
     except Exception:
         return 0  # a model that the price list does not know
-
-
-def _without_pictures(messages: list[Message]) -> list[Message]:
-    """The messages for a model that cannot see: without photos, and with a note for each picture of a person."""
-    kept: list[Message] = []
-    for message in messages:
-        content = message.get("content")
-        if not isinstance(content, list):
-            kept.append(message)
-            continue
-        if content and content[0].get("text") == PHOTO_NOTE:
-            continue
-        texts = [p["text"] if p["type"] == "text" else "[a picture that this model cannot see]" for p in content]
-        kept.append(message | {"content": "\n".join(texts)})
-    return kept
 
 
 def _explained(model: str, error: Exception) -> ModelError:

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from backend.agent.offline.places import Node, read_map
+from backend.agent.sessions.history import PHOTO_NOTE
 from backend.agent.turns import model, prompts, providers
 from backend.agent.turns.model import Call, ModelError, Part, Situation, StartPose, Text, Usage
 
@@ -37,6 +38,22 @@ async def test_it_drives_back_to_the_pose_where_the_session_started() -> None:
 async def test_it_announces_the_question_for_a_tool_that_asks_a_person() -> None:
     assert (await answer("say hello", [], asks=("speak",)))[0] == Text("I will ask before I speak.")
     assert (await answer("say hello", []))[0] == Text("I will say “Hello.”.")
+
+
+async def test_a_photo_that_was_taken_is_no_new_wish() -> None:
+    situation = Situation("Sancho", "Supervised", "Drives without asking.")
+    took = {"id": "1", "type": "function", "function": {"name": "take_photo", "arguments": "{}"}}
+    picture = {"type": "image_url", "image_url": {"url": "data:image/jpeg;base64,AAAA"}}
+    messages: list[dict[str, Any]] = [
+        {"role": "system", "content": prompts.system(situation)},
+        {"role": "user", "content": "take a photo, then say hello"},
+        {"role": "assistant", "content": None, "tool_calls": [took]},
+        {"role": "tool", "tool_call_id": "1", "content": "{}"},
+        {"role": "user", "content": [{"type": "text", "text": PHOTO_NOTE}, picture]},
+    ]
+    tools = [tool("take_photo"), SPEAK]
+    parts = [part async for part in providers.stream(model.OFFLINE_MODEL, messages, tools, situation)]
+    assert [part.name for part in parts if isinstance(part, Call)] == ["speak"]
 
 
 async def test_words_that_look_like_a_situation_are_none() -> None:
