@@ -17,12 +17,11 @@ from starlette.applications import Starlette
 
 from backend import config, identity
 from backend.config import Settings
-from backend.mcp_robot import robots
-from backend.mcp_robot.http.app import create_app
+from backend.mcp_robot import robots, stdio_transport
+from backend.mcp_robot.http.routes import create_app
 from backend.mcp_robot.motion.pilot import Pilot
 from backend.mcp_robot.motion.stop import StopLatch
 from backend.mcp_robot.tools import catalogue
-from backend.mcp_robot.tools import stdio as stdio_transport
 from backend.sockets import notice_loss
 
 logger = logging.getLogger(__name__)

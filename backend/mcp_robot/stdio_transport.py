@@ -16,7 +16,7 @@ from typing import cast
 from anyio import AsyncFile
 from mcp.server.stdio import stdio_server
 
-from backend.mcp_robot.tools.catalogue import RobotServer
+from backend.mcp_robot.tools.mcp_server import RobotServer
 
 STDIN = 0
 

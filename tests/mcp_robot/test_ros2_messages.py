@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 from backend.mcp_robot.navigation.grid import FREE, OCCUPIED, UNKNOWN
-from backend.mcp_robot.ros2 import convert, definitions, failures
+from backend.mcp_robot.ros2 import convert, failures, interface_definitions
 from backend.mcp_robot.ros2.frames import Frames, Link, compose, inverse
 from backend.telemetry import Pose
 
@@ -171,7 +171,7 @@ def test_humbles_result_without_a_code_is_a_failure_all_the_same() -> None:
 
 def test_each_distribution_has_the_results_that_it_is_known_for() -> None:
     def result(distro: str) -> str:
-        return definitions.definitions("nav2_msgs", distro)["action/NavigateToPose.action"].split("---\n")[1]
+        return interface_definitions.definitions("nav2_msgs", distro)["action/NavigateToPose.action"].split("---\n")[1]
 
     assert result("humble") == "std_msgs/Empty result\n"
     assert result("jazzy") == "uint16 error_code\n"

@@ -74,9 +74,9 @@ def real_time(stand_ins: StandIns, interfaces: Path) -> Iterator[Setting]:
 @contextlib.asynccontextmanager
 async def node(domain: int, name: str = "somebody_else") -> AsyncIterator[Any]:
     """Another ROS node on the same domain; entities are made inside, before its thread starts."""
-    from backend.mcp_robot.ros2.link import RosLink
+    from backend.mcp_robot.ros2.ros_thread import RosThread
 
-    link = RosLink(name, domain)
+    link = RosThread(name, domain)
     try:
         yield link
     finally:

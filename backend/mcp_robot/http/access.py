@@ -15,8 +15,8 @@ from starlette.datastructures import Headers
 from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-CLIENT_GONE = "robot-acp.client-gone"
-"""Scope key of an `asyncio.Event`: set when the client of this HTTP request has hung up."""
+from backend.mcp_robot.tools.long_call import CLIENT_GONE
+
 PUBLIC = frozenset({"/health"})
 
 

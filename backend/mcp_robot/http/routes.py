@@ -21,7 +21,7 @@ from backend.mcp_robot.http.access import Access
 from backend.mcp_robot.http.telemetry_stream import TelemetryStream
 from backend.mcp_robot.motion.pilot import Pilot
 from backend.mcp_robot.motion.stop import name_of
-from backend.mcp_robot.tools.catalogue import RobotServer
+from backend.mcp_robot.tools.mcp_server import RobotServer
 
 
 def create_app(pilot: Pilot, tools: RobotServer, token: bytes, host: str) -> Starlette:

@@ -21,12 +21,12 @@ import numpy as np
 from backend.config import Limits
 from backend.mcp_robot.motion import safety
 from backend.mcp_robot.motion.guard import PERIOD, Guard
+from backend.mcp_robot.motion.path_preview import PathPreview
 from backend.mcp_robot.motion.stop import StopLatch
 from backend.mcp_robot.navigation.grid import Floats
-from backend.mcp_robot.navigation.places import at_dock
+from backend.mcp_robot.navigation.named_places import at_dock
 from backend.mcp_robot.refusal import Halted, Refusal
 from backend.mcp_robot.robot import Picture, Robot, Route, Sound
-from backend.mcp_robot.tools.preview import Preview
 from backend.telemetry import Halt, Motion, Path, Place, Pose, Speech, State, Stop, Zone
 
 logger = logging.getLogger(__name__)
@@ -81,7 +81,7 @@ class Pilot:
         self._veto: Refusal | None = None  # set when the way of the motion under way became one that is refused
         self._intent: _Intent | None = None  # from a motion's first rule to its end
         self._planners = asyncio.Semaphore(MOST_PLANS)
-        self._preview: Preview | None = None  # whose way is drawn or being computed, until it is taken back
+        self._preview: PathPreview | None = None  # whose way is drawn or being computed, until it is taken back
         self._preview_ends: asyncio.TimerHandle | None = None  # when it goes by itself
         self._brakings = 0  # how often brake was called: what began before one must not go on after it
         self.halted: Halt | None = None  # from a motion that ended by itself for safety's sake to the next one's begin
@@ -113,7 +113,7 @@ class Pilot:
             self.motion, self.stopped, self.speaking, self.halted,
         )  # fmt: skip
 
-    async def plan(self, goal: Pose, *, final_yaw: bool, preview: Preview | None = None) -> Route:
+    async def plan(self, goal: Pose, *, final_yaw: bool, preview: PathPreview | None = None) -> Route:
         """Compute the way to a goal, and draw it for a `preview`. Moves nothing. Raises `Refusal`."""
         safety.finite(x=goal.x, y=goal.y, yaw=goal.yaw)
         if preview is None:

@@ -15,7 +15,7 @@ import numpy as np
 from backend.config import Limits
 from backend.mcp_robot.motion import keep_out
 from backend.mcp_robot.navigation.grid import FREE, OCCUPIED, Floats, OccupancyGrid
-from backend.mcp_robot.navigation.places import at_dock
+from backend.mcp_robot.navigation.named_places import at_dock
 from backend.mcp_robot.refusal import Refusal
 from backend.mcp_robot.robot import TopologicalMap
 from backend.telemetry import Battery, Pose, Stop, Zone

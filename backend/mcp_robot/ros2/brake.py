@@ -21,7 +21,7 @@ from rclpy.qos import QoSProfile
 from backend.config import Ros2
 from backend.mcp_robot.refusal import Refusal
 from backend.mcp_robot.ros2.goals import Goal
-from backend.mcp_robot.ros2.link import RosLink
+from backend.mcp_robot.ros2.ros_thread import RosThread
 from backend.mcp_robot.ros2.waiting import until
 
 logger = logging.getLogger(__name__)
@@ -42,7 +42,7 @@ UNKNOWN_GOAL = CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
 class Brake:
     """To be made on the ROS thread; `halt`, `hold` and `let_go` may be called from any."""
 
-    def __init__(self, link: RosLink, settings: Ros2, clock: Callable[[], float], moves: Callable[[], bool]) -> None:
+    def __init__(self, link: RosThread, settings: Ros2, clock: Callable[[], float], moves: Callable[[], bool]) -> None:
         self._link = link
         self._settings = settings
         self._robot_clock = clock

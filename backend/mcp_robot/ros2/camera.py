@@ -16,7 +16,7 @@ from backend.config import Ros2
 from backend.mcp_robot.refusal import Refusal
 from backend.mcp_robot.robot import Picture
 from backend.mcp_robot.ros2 import convert
-from backend.mcp_robot.ros2.link import RosLink
+from backend.mcp_robot.ros2.ros_thread import RosThread
 from backend.mcp_robot.ros2.senses import LATEST, Senses
 from backend.mcp_robot.ros2.waiting import until
 
@@ -29,7 +29,7 @@ NEW = 0.5
 class Camera:
     """`photo` may be called by any number at once."""
 
-    def __init__(self, link: RosLink, settings: Ros2, senses: Senses) -> None:
+    def __init__(self, link: RosThread, settings: Ros2, senses: Senses) -> None:
         self._link = link
         self._settings = settings
         self._senses = senses

@@ -42,10 +42,10 @@ async def examine(settings: Settings) -> list[Finding]:
 async def _graph(settings: Settings) -> list[Finding]:
     from rclpy.utilities import get_rmw_implementation_identifier
 
-    from backend.mcp_robot.ros2.link import RosLink
+    from backend.mcp_robot.ros2.ros_thread import RosThread
     from backend.mcp_robot.ros2.senses import Senses
 
-    link = RosLink("robot_acp_doctor", settings.robot.ros2.domain_id)
+    link = RosThread("robot_acp_doctor", settings.robot.ros2.domain_id)
     senses = Senses(link.node, settings.robot.ros2, settings.robot.limits.pose_timeout, ())
     link.open()
     try:

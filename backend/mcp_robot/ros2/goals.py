@@ -15,7 +15,7 @@ from typing import Any
 from action_msgs.msg import GoalStatus
 
 from backend.mcp_robot.refusal import Halted, Refusal
-from backend.mcp_robot.ros2.link import RosLink
+from backend.mcp_robot.ros2.ros_thread import RosThread
 from backend.mcp_robot.ros2.waiting import until
 
 SUCCEEDED, CANCELED, ABORTED = GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_CANCELED, GoalStatus.STATUS_ABORTED
@@ -26,7 +26,7 @@ LOOK_EVERY = 0.1
 class Goal:
     """A goal that is sent once."""
 
-    def __init__(self, link: RosLink, client: Any, name: str, answer_timeout: float) -> None:
+    def __init__(self, link: RosThread, client: Any, name: str, answer_timeout: float) -> None:
         self.name = name
         self.halted = False  # set by halt; a goal that is accepted afterwards is cancelled at once
         self._link = link

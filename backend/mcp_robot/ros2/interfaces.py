@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Literal
 
 from backend.config import ConfigError
-from backend.mcp_robot.ros2.definitions import PACKAGES, definitions
+from backend.mcp_robot.ros2.interface_definitions import PACKAGES, definitions
 
 logger = logging.getLogger(__name__)
 

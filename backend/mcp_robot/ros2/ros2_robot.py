@@ -29,7 +29,7 @@ from backend.mcp_robot.ros2 import convert, failures
 from backend.mcp_robot.ros2.brake import Brake
 from backend.mcp_robot.ros2.camera import Camera
 from backend.mcp_robot.ros2.goals import ABORTED, CANCELED, SUCCEEDED, Goal
-from backend.mcp_robot.ros2.link import RosLink
+from backend.mcp_robot.ros2.ros_thread import RosThread
 from backend.mcp_robot.ros2.senses import Senses
 from backend.mcp_robot.ros2.voice import voice
 from backend.mcp_robot.ros2.waiting import until
@@ -61,7 +61,7 @@ class Ros2Robot:
         self._settings = settings
         self._zones = tuple(zones)
         self._limits = limits
-        self._link = RosLink("robot_acp", settings.domain_id)
+        self._link = RosThread("robot_acp", settings.domain_id)
         self._goal: Goal | None = None  # the motion under way
         self._remaining: Remaining | None = None  # what is left of it
         self._starting = True  # until the robot's parts are found

@@ -26,7 +26,7 @@ JOIN_LIMIT = 5.0
 logger = logging.getLogger(__name__)
 
 
-class RosLink:
+class RosThread:
     """A node whose callbacks run in a thread of its own, from `open` to `close`."""
 
     def __init__(self, name: str, domain_id: int | None) -> None:

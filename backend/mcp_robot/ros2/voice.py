@@ -19,7 +19,7 @@ from backend.config import Ros2
 from backend.mcp_robot.refusal import Halted, Refusal
 from backend.mcp_robot.ros2.goals import SUCCEEDED, Goal
 from backend.mcp_robot.ros2.interfaces import Ros2Missing
-from backend.mcp_robot.ros2.link import RosLink
+from backend.mcp_robot.ros2.ros_thread import RosThread
 from backend.mcp_robot.ros2.waiting import EVERY, until
 
 PATIENCE = 3.0
@@ -37,7 +37,7 @@ class Voice(Protocol):
         """Stop speaking at once."""
 
 
-def voice(link: RosLink, settings: Ros2, clock: Callable[[], float]) -> Voice:
+def voice(link: RosThread, settings: Ros2, clock: Callable[[], float]) -> Voice:
     """The robot's voice as the settings have it. Raises `Ros2Missing` for an action type that is not installed."""
     return ActionVoice(link, settings) if settings.speech_action else TopicVoice(link, settings, clock)
 
@@ -55,7 +55,7 @@ def action_type(name: str) -> Any:
 class ActionVoice:
     """By an action: it is known when a sentence is over, and one can be ended."""
 
-    def __init__(self, link: RosLink, settings: Ros2) -> None:
+    def __init__(self, link: RosThread, settings: Ros2) -> None:
         self._link = link
         self._name, self._field = settings.speech_action, settings.speech_action_field
         self._answer_timeout = settings.answer_timeout
@@ -100,7 +100,7 @@ class ActionVoice:
 class TopicVoice:
     """By a topic: an empty text ends what is being said."""
 
-    def __init__(self, link: RosLink, settings: Ros2, clock: Callable[[], float]) -> None:
+    def __init__(self, link: RosThread, settings: Ros2, clock: Callable[[], float]) -> None:
         self._topic = settings.speech
         self._answer_timeout = settings.answer_timeout
         self._clock = clock

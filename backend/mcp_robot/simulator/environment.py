@@ -9,7 +9,7 @@ import numpy as np
 
 from backend.config import Simulator
 from backend.mcp_robot.navigation.grid import Floats
-from backend.mcp_robot.simulator import people
+from backend.mcp_robot.simulator import pedestrians
 from backend.mcp_robot.simulator.laser import Laser
 from backend.mcp_robot.simulator.world import World
 from backend.telemetry import Pose
@@ -18,7 +18,7 @@ DOORWAY_CLEAR = 0.6
 """Nobody may stand so near (m) to a door that closes."""
 
 
-class Surroundings:
+class Environment:
     """`building` is the world as it stands now; `closed` are the ids of the doors that are closed."""
 
     def __init__(self, world: World, settings: Simulator, generator: np.random.Generator) -> None:
@@ -29,7 +29,7 @@ class Surroundings:
         self.laser = Laser(world.grid, self._rays)
         self._set_doors(frozenset(settings.closed_doors))
         places = [place.pose for place in world.places.places if place.kind == "space"]
-        self.people = people.populate(self.building.grid, places, settings.people, world.start, generator)
+        self.people = pedestrians.populate(self.building.grid, places, settings.people, world.start, generator)
 
     def close_door(self, door: str, robot: Pose) -> None:
         """Close a door. Raises `WorldError` for an unknown one, `ValueError` while the robot or a person is in it."""

@@ -23,7 +23,7 @@ MEMORY = 60.0
 """Seconds after which an obstacle that was not seen again is forgotten."""
 
 
-class Obstacles:
+class ObstacleLayer:
     """Points in the map frame. `tolerance` (m) is how wrong the believed pose can make a reading."""
 
     def __init__(self, grid: OccupancyGrid, tolerance: float = 0.0) -> None:

@@ -51,7 +51,7 @@ class Round:
 
 
 @dataclass
-class Person:
+class Pedestrian:
     """Someone on a round. `at` counts the points done, with fractions; `aside` is m to the left of the way, whatever
     the `direction`, which is 1 or -1; `waiting` and `pausing` are s."""
 
@@ -76,10 +76,10 @@ class Person:
         return Pose(x0 + part * dx - left * dy, y0 + part * dy + left * dx, heading)
 
 
-class People:
+class Pedestrians:
     """All people of a building."""
 
-    def __init__(self, everyone: list[Person], generator: np.random.Generator) -> None:
+    def __init__(self, everyone: list[Pedestrian], generator: np.random.Generator) -> None:
         self._everyone = everyone
         self._generator = generator
         self.poses: list[Pose] = [person.pose for person in everyone]  # replaced by `step`
@@ -116,7 +116,7 @@ class People:
                 self._pause_at_stop(person, before[0])
             self.poses[index] = person.pose
 
-    def _wishes(self, person: Person, dt: float) -> list[tuple[float, float]]:
+    def _wishes(self, person: Pedestrian, dt: float) -> list[tuple[float, float]]:
         """What somebody would do next, best first, as `at` and `aside`: go on, and back to the way; or step aside."""
         on = (person.at + person.direction * person.speed * dt / planner.SPACING) % len(person.round.points)
         step = SIDESTEP_SPEED * dt
@@ -125,7 +125,7 @@ class People:
         right_first = (person.aside - step, person.aside + step)[:: person.direction]
         return wishes + [(person.at, aside) for aside in right_first if abs(aside) <= SIDESTEP]
 
-    def _pause_at_stop(self, person: Person, before: float) -> None:
+    def _pause_at_stop(self, person: Pedestrian, before: float) -> None:
         passed = int(person.at) if person.direction > 0 else int(before)
         if int(person.at) != int(before) and passed in person.round.stops:
             person.pausing = float(self._generator.uniform(*PAUSE))
@@ -150,16 +150,16 @@ def _room_or_away(there: float, here: float, needed: float) -> bool:
 
 def populate(
     grid: OccupancyGrid, places: list[Pose], count: int, robot: Pose, generator: np.random.Generator
-) -> People:
+) -> Pedestrians:
     """`count` people on rounds between `places`, or between free spots of a map that has none.
 
     Where there is not enough floor for so many, there are fewer.
     """
     if not count:
-        return People([], generator)
+        return Pedestrians([], generator)
     search = planner.search_grid(grid, WALKING_ROOM)
     spots = np.array([(p.x, p.y) for p in places]) if len(places) >= STOPS else _spots(grid, generator)
-    everyone: list[Person] = []
+    everyone: list[Pedestrian] = []
     for _ in range(4 * count):
         if len(everyone) == count or len(spots) < STOPS:
             break
@@ -168,7 +168,7 @@ def populate(
             walk = _round(grid, search, stops)
         except planner.Unreachable:
             continue
-        person = Person(
+        person = Pedestrian(
             walk,
             at=float(generator.uniform(0, len(walk.points))),
             speed=float(generator.uniform(*SPEED)),
@@ -176,7 +176,7 @@ def populate(
         )
         if _apart(person.pose, robot) > START_CLEAR and all(_apart(person.pose, p.pose) > 1.0 for p in everyone):
             everyone.append(person)
-    return People(everyone, generator)
+    return Pedestrians(everyone, generator)
 
 
 def _round(grid: OccupancyGrid, search: planner.SearchGrid, stops: list[tuple[float, float]]) -> Round:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from PIL import Image, ImageDraw
 
 from backend.mcp_robot.navigation.grid import Floats32
-from backend.mcp_robot.simulator.shades import Colour
+from backend.mcp_robot.simulator.legend import Colour
 
 HEIGHT = 1.72
 WIDTH = 0.5
@@ -27,7 +27,7 @@ DRAWN = 240
 """Height in pixels at which a figure is drawn, then scaled."""
 
 
-def figure(number: int, facing: bool) -> Image.Image:
+def sprite(number: int, facing: bool) -> Image.Image:
     """One person, `facing` the camera or not, on a transparent ground."""
     shirt, trousers = CLOTHES[number % len(CLOTHES)]
     unit = DRAWN / HEIGHT
@@ -51,12 +51,12 @@ def figure(number: int, facing: bool) -> Image.Image:
     return image
 
 
-def place(
-    picture: Image.Image, figure: Image.Image, box: tuple[int, int, int, int], depth: float, far: Floats32
+def paste(
+    picture: Image.Image, sprite: Image.Image, box: tuple[int, int, int, int], depth: float, far: Floats32
 ) -> None:
     """Put a figure into `box` (left, top, right, bottom) of a picture, where what it shows is farther than `depth`."""
     left, top, right, bottom = box
-    scaled = figure.resize((max(1, right - left), max(1, bottom - top)))
+    scaled = sprite.resize((max(1, right - left), max(1, bottom - top)))
     pixels = np.asarray(scaled)
     x0, y0 = max(left, 0), max(top, 0)
     x1, y1 = min(left + scaled.width, picture.width), min(top + scaled.height, picture.height)

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
 from backend.mcp_robot.navigation.grid import Floats32
-from backend.mcp_robot.simulator import figures, materials, shades
+from backend.mcp_robot.simulator import legend, materials, person_sprites
 from backend.mcp_robot.simulator.world import Sign, World
 from backend.telemetry import Pose
 
@@ -85,7 +85,7 @@ def _follow_rays(world: World, pose: Pose) -> Rays:
     row = np.floor((np.outer(_DEPTHS, dy) + (pose.y - grid.origin_y)) / grid.resolution).astype(np.intp)
     outside = (column < 0) | (column >= grid.width) | (row < 0) | (row >= grid.height)
     shade = world.shades[np.clip(row, 0, grid.height - 1), np.clip(column, 0, grid.width - 1)]
-    shade = np.where(outside, np.uint8(shades.UNKNOWN), shade)
+    shade = np.where(outside, np.uint8(legend.UNKNOWN), shade)
     return Rays(shade, materials.HEIGHTS.take(shade))
 
 
@@ -105,10 +105,10 @@ def _nearest(rays: Rays) -> tuple[Floats32, Indices, npt.NDArray[np.uint8]]:
 
     number = np.arange(samples + 1, dtype=np.int16)[:, None]
     door = np.full((samples + 1, WIDTH), samples, dtype=np.int16)
-    door[:-1] = np.where(rays.shade == shades.DOORWAY, number[:-1], number[-1])
+    door[:-1] = np.where(rays.shade == legend.DOORWAY, number[:-1], number[-1])
     next_door = np.minimum.accumulate(door[::-1], axis=0)[::-1]
-    lintel = next_door[np.searchsorted(_DEPTHS, _up_to(shades.LINTEL_HEIGHT))]
-    ceiling, floor = _up_to(shades.CEILING_HEIGHT)[:, None], _up_to(0.0)[:, None]
+    lintel = next_door[np.searchsorted(_DEPTHS, _up_to(legend.LINTEL_HEIGHT))]
+    ceiling, floor = _up_to(legend.CEILING_HEIGHT)[:, None], _up_to(0.0)[:, None]
     for surface, far, at in (
         (materials.LINTEL, depth[lintel], lintel),
         (materials.CEILING, ceiling, np.searchsorted(_DEPTHS, ceiling)),
@@ -162,11 +162,11 @@ def _show_people(image: Image.Image, people: tuple[Pose, ...], pose: Pose, dista
             continue
         scale = FOCAL / depth
         column, feet = WIDTH / 2 - scale * left, HORIZON + scale * EYE
-        half, height = scale * figures.WIDTH / 2, scale * figures.HEIGHT
+        half, height = scale * person_sprites.WIDTH / 2, scale * person_sprites.HEIGHT
         facing = math.cos(person.yaw - pose.yaw) < 0.0
         box = (round(column - half), round(feet - height), round(column + half), round(feet))
         if box[0] < WIDTH and box[2] > 0:
-            figures.place(image, figures.figure(number, facing), box, depth * 0.98 - 0.05, distance)
+            person_sprites.paste(image, person_sprites.sprite(number, facing), box, depth * 0.98 - 0.05, distance)
 
 
 def _in_view(x: float, y: float, pose: Pose) -> tuple[float, float]:

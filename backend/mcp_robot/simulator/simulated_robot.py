@@ -24,7 +24,7 @@ from backend.mcp_robot.navigation import follower, planner
 from backend.mcp_robot.navigation.grid import Floats, OccupancyGrid
 from backend.mcp_robot.refusal import Halted, Refusal
 from backend.mcp_robot.robot import Fix, Picture, Remaining, Route, Sound, TopologicalMap, Velocity
-from backend.mcp_robot.simulator import camera, laser
+from backend.mcp_robot.simulator import laser, renderer
 from backend.mcp_robot.simulator.motions import Drive, Turn, Utterance
 from backend.mcp_robot.simulator.simulation import FOOTPRINT_RADIUS, STEP, Simulation
 from backend.mcp_robot.simulator.world import World
@@ -181,8 +181,8 @@ class SimulatedRobot:
         """The scan of this moment, computed once however many ask for it."""
         now = self.clock()
         if self._scan is None or self._scan.time != now:
-            scanner = self.simulation.surroundings.laser
-            ranges = self.simulation.surroundings.scan(self.simulation.pose, self._noise)
+            scanner = self.simulation.environment.laser
+            ranges = self.simulation.environment.scan(self.simulation.pose, self._noise)
             self._scan = Scan(
                 now, self.simulation.believed, laser.ANGLE_MIN, scanner.increment, laser.RANGE,
                 np.round(ranges, 3).tolist(),
@@ -240,10 +240,10 @@ class SimulatedRobot:
 
     async def photo(self) -> Picture:
         """What the camera sees."""
-        truth, surroundings = self.simulation.pose, self.simulation.surroundings
-        scene = surroundings.building, truth, tuple(surroundings.people.poses)
-        jpeg = await asyncio.get_running_loop().run_in_executor(self._artist, camera.photograph, *scene)
-        return Picture(jpeg, camera.WIDTH, camera.HEIGHT, self.simulation.believed)
+        truth, environment = self.simulation.pose, self.simulation.environment
+        scene = environment.building, truth, tuple(environment.people.poses)
+        jpeg = await asyncio.get_running_loop().run_in_executor(self._artist, renderer.photograph, *scene)
+        return Picture(jpeg, renderer.WIDTH, renderer.HEIGHT, self.simulation.believed)
 
     async def synthesize(self, text: str) -> Sound:
         """The sound of a text."""

@@ -24,13 +24,13 @@ import numpy as np
 from backend.config import Limits, Simulator
 from backend.mcp_robot.navigation import follower, planner
 from backend.mcp_robot.navigation.grid import Floats, OccupancyGrid
-from backend.mcp_robot.navigation.places import at_dock
+from backend.mcp_robot.navigation.named_places import at_dock
 from backend.mcp_robot.robot import Remaining
 from backend.mcp_robot.simulator import disturbances
 from backend.mcp_robot.simulator.battery import Accumulator
+from backend.mcp_robot.simulator.environment import Environment
 from backend.mcp_robot.simulator.motions import Drive, Turn, Utterance
-from backend.mcp_robot.simulator.obstacles import Obstacles
-from backend.mcp_robot.simulator.surroundings import Surroundings
+from backend.mcp_robot.simulator.obstacle_layer import ObstacleLayer
 from backend.mcp_robot.simulator.world import World
 from backend.telemetry import Pose, Twist
 
@@ -80,7 +80,7 @@ class Simulation:
         self.limits = limits
         self.floor = floor or world.grid
         self.search = planner.search_grid(self.floor, PLANNING_RADIUS)
-        self.surroundings = Surroundings(world, settings, people)
+        self.environment = Environment(world, settings, people)
         self.elapsed = 0.0  # s, grows with every step
         self.pose: Pose = world.start  # the true one, integrated by step
         self.twist = Twist(0.0, 0.0)  # what the wheels did in the last step
@@ -89,7 +89,7 @@ class Simulation:
         self.motion: Drive | Turn | None = None  # set by begin, ends with its outcome and is dropped
         self.utterance: Utterance | None = None  # likewise
         tolerance = disturbances.BOUND * (settings.localisation_noise + settings.heading_noise)
-        self.obstacles = Obstacles(self.floor, tolerance)  # what was seen and is not on the map, kept by step
+        self.obstacles = ObstacleLayer(self.floor, tolerance)  # what was seen and is not on the map, kept by step
         self.reroute: Callable[[Drive], None] = self._reroute_now  # called by step for a drive that is obstructed
         self.on_reroute: Callable[[Floats], None] = lambda _: (
             None
@@ -145,18 +145,18 @@ class Simulation:
 
     def look(self) -> Floats:
         """Take in what the laser sees now; returns all that is known to stand where the map has floor, shape (n, 2)."""
-        ranges = self.surroundings.scan(self.pose, every=self._every)
-        angles = self.surroundings.laser.angles[:: self._every]
+        ranges = self.environment.scan(self.pose, every=self._every)
+        angles = self.environment.laser.angles[:: self._every]
         self.obstacles.take(self.elapsed, self.believed, angles, ranges)
         return self.obstacles.points
 
     def close_door(self, door: str) -> None:
         """Close a door of the world. Raises `WorldError` for an unknown one, `ValueError` while somebody is in it."""
-        self.surroundings.close_door(door, self.pose)
+        self.environment.close_door(door, self.pose)
 
     def open_door(self, door: str) -> None:
         """Open it again. Raises `WorldError`."""
-        self.surroundings.open_door(door)
+        self.environment.open_door(door)
 
     def halt(self) -> None:
         """Brake from the next step on."""
@@ -177,7 +177,7 @@ class Simulation:
     def step(self, dt: float = STEP) -> None:
         """Move time on by `dt` s."""
         self.elapsed += dt
-        self.surroundings.step(dt, self.pose, FOOTPRINT_RADIUS + self._stopping_way(self.twist.linear))
+        self.environment.step(dt, self.pose, FOOTPRINT_RADIUS + self._stopping_way(self.twist.linear))
         if self._halting:
             command = follower.braked(self.twist, self.limits, dt)
         elif isinstance(self.motion, Drive):
@@ -261,7 +261,7 @@ class Simulation:
 
     def _room(self, pose: Pose) -> float:
         """m of free floor around a true pose: what the laser would measure there, and what the map forbids."""
-        room = self.surroundings.clearance(pose.x, pose.y)
+        room = self.environment.clearance(pose.x, pose.y)
         if self.floor is self.world.grid:
             return room
         believed = self._localisation.believed(pose)

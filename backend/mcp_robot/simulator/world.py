@@ -19,7 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 from backend.config import KeepOut
 from backend.mcp_robot.navigation.grid import FREE, Floats, OccupancyGrid, sample
 from backend.mcp_robot.robot import PlaceKind, TopologicalMap
-from backend.mcp_robot.simulator import map_file, shades
+from backend.mcp_robot.simulator import legend, map_file
 from backend.mcp_robot.simulator.map_file import WorldError as WorldError
 from backend.telemetry import Place, Pose, Zone
 
@@ -89,7 +89,7 @@ class World:
         for x, y in leaves.tolist():
             cell = self.grid.cell(x, y)
             if cell is not None:
-                picture[cell] = shades.DOOR
+                picture[cell] = legend.DOOR
         picture.flags.writeable = False
         return replace(self, grid=self.grid.with_occupied(leaves), shades=picture)
 

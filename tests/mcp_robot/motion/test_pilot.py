@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 
 from backend.config import Limits
+from backend.mcp_robot.motion.path_preview import PathPreview
 from backend.mcp_robot.motion.pilot import Pilot
 from backend.mcp_robot.motion.stop import StopLatch
 from backend.mcp_robot.refusal import Refusal
 from backend.mcp_robot.robot import Fix, Route, Sound
 from backend.mcp_robot.simulator.simulated_robot import SimulatedRobot
 from backend.mcp_robot.simulator.world import World
-from backend.mcp_robot.tools.preview import Preview
 from backend.telemetry import Pose
 
 KITCHEN = Pose(2.9, 9.7, 0.0)
@@ -84,7 +84,7 @@ async def test_a_preview_that_is_taken_back_while_it_is_computed_is_never_drawn(
     robot: Thoughtful, tmp_path: Path
 ) -> None:
     pilot = Pilot(robot, StopLatch(tmp_path), Limits())
-    late = asyncio.create_task(pilot.plan(KITCHEN, final_yaw=False, preview=Preview("a.1")))
+    late = asyncio.create_task(pilot.plan(KITCHEN, final_yaw=False, preview=PathPreview("a.1")))
     await robot.asked.wait()
     assert pilot.forget_preview("a.1") is None
     robot.let.set()
@@ -96,10 +96,10 @@ async def test_a_preview_that_a_newer_one_overtakes_is_never_drawn(robot: Though
     pilot = Pilot(robot, StopLatch(tmp_path), Limits())
     drawn: list[tuple[float, float]] = []
     pilot.on_change = lambda: drawn.extend(pilot.path.points[-1:])
-    late = asyncio.create_task(pilot.plan(KITCHEN, final_yaw=False, preview=Preview("a.1")))
+    late = asyncio.create_task(pilot.plan(KITCHEN, final_yaw=False, preview=PathPreview("a.1")))
     await robot.asked.wait()
     robot.let.set()
-    newer = asyncio.create_task(pilot.plan(Pose(3.0, 2.5, 0.0), final_yaw=False, preview=Preview("b.1")))
+    newer = asyncio.create_task(pilot.plan(Pose(3.0, 2.5, 0.0), final_yaw=False, preview=PathPreview("b.1")))
     await asyncio.gather(late, newer)
     assert pilot.path.preview
     assert len(drawn) == 1

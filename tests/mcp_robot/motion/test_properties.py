@@ -215,7 +215,7 @@ class Witness:
         offsets = np.arange(0.0, SIDE, resolution / 2)
         dx, dy = (axis.ravel() for axis in np.meshgrid(offsets, offsets))
         points = np.stack([box[0] + dx, box[1] + dy], axis=1)
-        building = simulation.surroundings.building
+        building = simulation.environment.building
         changed = building.grid.with_occupied(points)
         new = squares(changed, changed.cells != building.grid.cells)
         speed = simulation.twist.linear
@@ -223,8 +223,8 @@ class Witness:
         here = np.array([(simulation.pose.x, simulation.pose.y)])
         if overlap(here, new, resolution, FOOTPRINT_RADIUS + way) > 0.0:
             return
-        simulation.surroundings.building = replace(building, grid=changed)
-        simulation.surroundings.laser = Laser(changed, 60)
+        simulation.environment.building = replace(building, grid=changed)
+        simulation.environment.laser = Laser(changed, 60)
         self.forbidden = np.concatenate([self.forbidden, new])
 
 

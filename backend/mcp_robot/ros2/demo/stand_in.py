@@ -21,8 +21,8 @@ from backend.config import Robot
 from backend.mcp_robot.navigation.grid import FREE
 from backend.mcp_robot.refusal import Halted, Refusal
 from backend.mcp_robot.ros2 import convert
-from backend.mcp_robot.ros2.demo_topics import Topics
-from backend.mcp_robot.ros2.link import RosLink
+from backend.mcp_robot.ros2.demo.stand_in_topics import StandInTopics
+from backend.mcp_robot.ros2.ros_thread import RosThread
 from backend.mcp_robot.ros2.waiting import until
 from backend.mcp_robot.simulator.simulated_robot import SimulatedRobot
 from backend.telemetry import Pose
@@ -44,8 +44,8 @@ class StandIn:
     def __init__(self, robot: SimulatedRobot, settings: Robot) -> None:
         self._robot = robot
         self._settings = settings.ros2
-        self._link = RosLink("robot_acp_demo", settings.ros2.domain_id)
-        self._topics = Topics(self._link, robot, settings)
+        self._link = RosThread("robot_acp_demo", settings.ros2.domain_id)
+        self._topics = StandInTopics(self._link, robot, settings)
         self._loop = asyncio.get_running_loop()
         self._tasks: set[asyncio.Task[None]] = set()  # goals under way, and what the robot says
         self._latest: Any = None  # the goal that moves the robot

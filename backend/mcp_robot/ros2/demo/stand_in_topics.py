@@ -30,7 +30,7 @@ from backend.config import Robot
 from backend.mcp_robot.navigation.grid import OCCUPIED, UNKNOWN, OccupancyGrid
 from backend.mcp_robot.ros2 import convert
 from backend.mcp_robot.ros2.frames import compose, inverse
-from backend.mcp_robot.ros2.link import RosLink
+from backend.mcp_robot.ros2.ros_thread import RosThread
 from backend.mcp_robot.ros2.senses import LATCHED
 from backend.mcp_robot.ros2.waiting import until
 from backend.mcp_robot.simulator.simulated_robot import SimulatedRobot
@@ -47,10 +47,10 @@ ODOM_IN_MAP = Pose(0.9, 3.1, 0.4)
 LASER_FRAME = "base_scan"
 
 
-class Topics:
+class StandInTopics:
     """All publishers and subscriptions, made before the ROS thread starts."""
 
-    def __init__(self, link: RosLink, robot: SimulatedRobot, settings: Robot) -> None:
+    def __init__(self, link: RosThread, robot: SimulatedRobot, settings: Robot) -> None:
         self._robot = robot
         self._settings = s = settings.ros2
         self._time_scale = settings.time_scale
