@@ -9,7 +9,6 @@ import time
 from pathlib import Path
 
 import pytest
-from tests.mcp_robot.simulator.test_pedestrians import standing_at
 
 from backend.config import Limits, Simulator
 from backend.mcp_robot.motion.pilot import Pilot
@@ -19,6 +18,7 @@ from backend.mcp_robot.simulator.simulated_robot import SimulatedRobot
 from backend.mcp_robot.simulator.simulation import Simulation
 from backend.mcp_robot.simulator.world import World
 from backend.telemetry import Pose, Twist
+from tests.mcp_robot.simulator.test_pedestrians import standing_at
 from tests.processes import eventually
 
 EVERYTHING = Simulator(people=4, localisation_noise=0.03, heading_noise=0.01, wheel_slip=0.1)
