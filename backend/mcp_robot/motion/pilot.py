@@ -105,10 +105,12 @@ class Pilot:
         return Motion(intent.kind, intent.goal, intent.place, left.distance, left.seconds)
 
     def state(self) -> State:
-        """Everything that changes all the time, as telemetry."""
-        robot = self.robot
+        """What the robot does now, as telemetry."""
+        robot, now = self.robot, self.robot.clock()
+        # Another thread may write these: the velocity is read first, so that a robot at rest has its pose of that rest.
+        twist = robot.velocity.twist
         return State(
-            robot.clock(), robot.name, robot.fix.pose, robot.velocity.twist,
+            now, robot.name, robot.fix.pose, twist,
             msgspec.structs.replace(robot.battery, floor=self.limits.battery_floor),
             self.motion, self.stopped, self.speaking, self.halted,
         )  # fmt: skip

@@ -86,14 +86,16 @@ class Senses:
             ("battery", s.battery, BatteryState, self._on_battery, LATEST),
             ("plan", s.plan, PathMessage, self._on_plan, LATEST),
             ("scan", s.scan, LaserScan, self._on_scan, LATEST),
-            # After the poses: who sees the robot at rest shall see the place too where it came to rest.
             ("odom", s.odom, Odometry, self._on_odometry, LATEST),
         ]
         if s.use_sim_time:
             wanted.append(("", "/clock", Clock, self._on_clock, LATEST))
-        for setting, topic, kind, heard, qos in wanted:
-            if topic:
-                node.create_subscription(kind, topic, self._guarded(setting or topic, heard), qos)
+        made = {
+            topic: node.create_subscription(kind, topic, self._guarded(setting or topic, heard), qos)
+            for setting, topic, kind, heard, qos in wanted
+            if topic
+        }
+        self._moving_frames: Any = made["/tf"]
 
     def _guarded(self, name: str, heard: Callable[[Any], None]) -> Callable[[Any], None]:
         def callback(message: Any) -> None:
@@ -194,7 +196,19 @@ class Senses:
         self._amcl = Heard(pose, convert.seconds(message.header.stamp), time.monotonic())
         self._remember()
 
+    def _take_waiting_frames(self) -> None:
+        """Take in all transforms that have arrived.
+
+        The executor takes one message of each topic a round. Of odometry only the newest waits, of transforms a hundred
+        can: after a stall the robot would seem to stand, and its pose would go on along the way that it had come.
+        """
+        handle = self._moving_frames.handle
+        with handle:
+            while (taken := handle.take_message(TFMessage, False)) is not None:
+                self._on_frames(taken[0])
+
     def _on_odometry(self, message: Any) -> None:
+        self._take_waiting_frames()
         pose, twist = convert.pose(message.pose.pose), convert.twist(message.twist.twist)
         before = self.odometry
         if before:

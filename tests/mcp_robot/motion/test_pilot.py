@@ -14,7 +14,7 @@ from backend.mcp_robot.motion.path_preview import PathPreview
 from backend.mcp_robot.motion.pilot import Pilot
 from backend.mcp_robot.motion.stop import StopLatch
 from backend.mcp_robot.refusal import Refusal
-from backend.mcp_robot.robot import Fix, Route, Sound
+from backend.mcp_robot.robot import Fix, Route, Sound, Velocity
 from backend.mcp_robot.simulator.simulated_robot import SimulatedRobot
 from backend.mcp_robot.simulator.world import World
 from backend.telemetry import Pose
@@ -177,3 +177,33 @@ async def test_whoever_is_inside_hears_that_the_simulators_time_stands_still(off
     task = asyncio.create_task(inside())
     await asyncio.wait({task}, timeout=20)
     assert task.cancelled()
+
+
+async def test_a_state_that_says_at_rest_has_the_pose_of_the_rest(office: World, tmp_path: Path) -> None:
+    """A robot may move on between two readings of its properties, as one that is read from another thread does."""
+
+    class Moving(SimulatedRobot):
+        @property
+        def fix(self) -> Fix:
+            now = super().fix
+            self._come_to_rest()
+            return now
+
+        @property
+        def velocity(self) -> Velocity:
+            now = super().velocity
+            self._come_to_rest()
+            return now
+
+        def _come_to_rest(self) -> None:
+            self.simulation.halt()
+            while not self.simulation.at_rest:
+                self.simulation.step()
+
+    robot = Moving(office, Limits())
+    pilot = Pilot(robot, StopLatch(tmp_path), Limits())
+    robot.simulation.drive_to(KITCHEN)
+    while robot.simulation.twist.linear < 0.3:
+        robot.simulation.step()
+    state = pilot.state()
+    assert state.twist.linear > 0.0 or state.pose == robot.simulation.pose
