@@ -23,6 +23,7 @@ from backend.mcp_robot.motion.pilot import Pilot
 from backend.mcp_robot.motion.stop import StopLatch
 from backend.mcp_robot.tools import catalogue
 from backend.sockets import notice_loss
+from backend.telemetry import Zone
 
 logger = logging.getLogger(__name__)
 
@@ -32,14 +33,21 @@ GRACE = 2
 """Seconds that open connections get at the end."""
 
 
-async def serve(settings: Settings, *, stdio: bool = False, on_ready: Callable[[int], None] | None = None) -> None:
+async def serve(
+    settings: Settings,
+    *,
+    stdio: bool = False,
+    on_ready: Callable[[int], None] | None = None,
+    built: tuple[robots.RunningRobot, list[Zone]] | None = None,
+) -> None:
     """Run the robot server until cancelled, signalled, or, with `stdio`, until standard input ends.
 
-    `on_ready` is called with the port once it answers. Raises `WorldError` for a world that cannot be used,
+    `on_ready` is called with the port once it answers. `built` is the robot and its keep-out zones, where the caller
+    has built them already; else the settings say which. Raises `WorldError` for a world that cannot be used,
     `Ros2Missing` where ROS 2 cannot be used, and `OSError` for an address that cannot be had.
     """
     robot_settings = settings.robot
-    robot, zones = robots.build(settings)
+    robot, zones = built or robots.build(settings)
     pilot = Pilot(robot, StopLatch(settings.data_dir), robot_settings.limits, zones)
     robot.on_reroute = pilot.rerouted
     mcp = catalogue.build(pilot)

@@ -121,11 +121,20 @@ class McpClient:
     `absent` is what people are told when it does not answer.
     """
 
-    def __init__(self, url: str, headers: Mapping[str, str] | None = None, *, absent: str) -> None:
+    def __init__(
+        self,
+        url: str,
+        headers: Mapping[str, str] | None = None,
+        *,
+        absent: str,
+        connect_timeout: float = CONNECT_TIMEOUT_S,
+    ) -> None:
         self._url = url
         self._command = url.removeprefix("stdio:") if url.startswith("stdio:") else None
         self._headers = dict(headers or {})
         self._absent = absent
+        self._connect_timeout = START_TIMEOUT_S if self._command else connect_timeout
+        self._answer_timeout = connect_timeout
         self._closed = False
         self._lock = asyncio.Lock()
         self._client: mcp.Client | None = None
@@ -201,7 +210,7 @@ class McpClient:
         self._lost = asyncio.Event()
         self._owner = asyncio.create_task(self._own(ready, self._lost), name="mcp connection")
         try:
-            async with asyncio.timeout(START_TIMEOUT_S if self._command else CONNECT_TIMEOUT_S):
+            async with asyncio.timeout(self._connect_timeout):
                 self._client = await asyncio.shield(ready)
         except BaseException as error:  # cancelled, too: the owner must not live on alone
             await self._drop()
@@ -236,7 +245,7 @@ class McpClient:
     async def _still_there(self, client: mcp.Client) -> bool:
         """Whether the server answers at all: tells a refused call from a lost server."""
         try:
-            async with asyncio.timeout(CONNECT_TIMEOUT_S):
+            async with asyncio.timeout(self._answer_timeout):
                 await client.list_tools(cache_mode="bypass")
         except Exception:
             return False

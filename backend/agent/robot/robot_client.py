@@ -43,8 +43,18 @@ class RobotError(Exception):
 class RobotClient:
     """The latest state of the robot. `state` is None while the robot server is away, or hangs."""
 
-    def __init__(self, mcp_url: str | None, bearer: str | None) -> None:
-        """`mcp_url` is that of our robot server; None for another one, which has no such link."""
+    def __init__(
+        self,
+        mcp_url: str | None,
+        bearer: str | None,
+        *,
+        stale_after: float = STALE_S,
+        rest_timeout: float = REST_TIMEOUT_S,
+    ) -> None:
+        """`mcp_url` is that of our robot server; None for another one, which has neither telemetry nor a stop path.
+        Times are in s."""
+        self._stale_after = stale_after
+        self._rest_timeout = rest_timeout
         self._base = f"http://{urlsplit(mcp_url).netloc}" if mcp_url else None
         self._headers = {"Authorization": f"Bearer {bearer}"} if bearer else {}
         self.state: telemetry.State | None = None
@@ -83,7 +93,7 @@ class RobotClient:
     async def _next(self, socket: ClientConnection) -> telemetry.AnyMessage:
         """The next message, however long it takes; the state at hand is forgotten when that is too long."""
         try:
-            async with asyncio.timeout(STALE_S):
+            async with asyncio.timeout(self._stale_after):
                 return telemetry.decode(await socket.recv(decode=False))
         except TimeoutError:
             await self._fall_silent()
@@ -95,7 +105,7 @@ class RobotClient:
 
     async def _fall_silent(self) -> None:
         if self.state is not None:
-            log.warning("the robot server has told nothing for %g s; its line is still open", STALE_S)
+            log.warning("the robot server has told nothing for %g s; its line is still open", self._stale_after)
         await self._set(None, silent=True)
 
     async def _set(self, state: telemetry.State | None, *, silent: bool = False) -> None:
@@ -113,7 +123,7 @@ class RobotClient:
         """
         with contextlib.suppress(*_BROKEN, TimeoutError):
             if self._base is not None:
-                async with asyncio.timeout(STALE_S), self._line(self._base) as socket:
+                async with asyncio.timeout(self._stale_after), self._line(self._base) as socket:
                     while True:
                         message = telemetry.decode(await socket.recv(decode=False))
                         if isinstance(message, telemetry.State):
@@ -126,7 +136,7 @@ class RobotClient:
         A robot that is silent on an open line is not at rest: it may drive on.
         """
         with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(REST_TIMEOUT_S):
+            async with asyncio.timeout(self._rest_timeout):
                 if self.state is None and not self._silent:
                     return
                 now = await self.anew()
@@ -134,7 +144,7 @@ class RobotClient:
                     await self._news.wait()  # the state at hand is older than the question
                     await self._news.wait_for(lambda: self._resting(now.time if now else -math.inf))
                 return
-        log.error("the robot is not at rest %g s after the halt", REST_TIMEOUT_S)
+        log.error("the robot is not at rest %g s after the halt", self._rest_timeout)
 
     def _resting(self, since: float) -> bool:
         """Whether it rests, as it told at a time of its own clock or later."""

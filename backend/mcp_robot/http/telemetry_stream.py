@@ -76,7 +76,7 @@ class TelemetryStream:
                             reader.subscribe(telemetry.decode_subscribe(await websocket.receive_bytes()))
                     finally:
                         sending.cancel()
-                        self._camera.look_away(reader)
+                        self._camera.unwatch(reader)
             except* (WebSocketDisconnect, KeyError):  # gone, or a text frame where bytes belong
                 pass
             except* msgspec.MsgspecError:
@@ -110,7 +110,7 @@ class _Reader:
     def subscribe(self, asked: Subscribe) -> None:
         """Replace what it wants."""
         self._channels = frozenset(asked.channels)
-        (self._camera.look if "camera" in self._channels else self._camera.look_away)(self)
+        (self._camera.watch if "camera" in self._channels else self._camera.unwatch)(self)
         rate = MIN_RATE if math.isnan(asked.rate) else asked.rate
         self._interval = 1.0 / min(max(rate, MIN_RATE), MAX_RATE)
         self._due = 0.0

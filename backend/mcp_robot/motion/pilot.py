@@ -71,10 +71,19 @@ class _Intent:
 class Pilot:
     """One robot and who may move it now."""
 
-    def __init__(self, robot: Robot, latch: StopLatch, limits: Limits, zones: Sequence[Zone] = ()) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        latch: StopLatch,
+        limits: Limits,
+        zones: Sequence[Zone] = (),
+        *,
+        preview_age: float = PREVIEW_AGE,
+    ) -> None:
         self.robot = robot
         self.limits = limits
         self.zones = tuple(zones)
+        self._preview_age = preview_age
         self._latch = latch
         self._motions = safety.Rate("motions", limits.max_motions_per_minute)
         self._speeches = safety.Rate("speeches", limits.max_speeches_per_minute)
@@ -135,7 +144,7 @@ class Pilot:
         # It may have been taken back meanwhile; and the path that is being driven matters more.
         if self._preview is preview and self._intent is None:
             self._show(route.points, preview=True)
-            self._preview_ends = asyncio.get_running_loop().call_later(PREVIEW_AGE, self._drop_preview)
+            self._preview_ends = asyncio.get_running_loop().call_later(self._preview_age, self._drop_preview)
         return route
 
     def forget_preview(self, own: str) -> str | None:

@@ -22,7 +22,7 @@ from backend.config import Ros2
 from backend.mcp_robot.refusal import Refusal
 from backend.mcp_robot.ros2.goals import Goal
 from backend.mcp_robot.ros2.ros_thread import RosThread
-from backend.mcp_robot.ros2.waiting import until
+from backend.mcp_robot.ros2.waiting import Waits, until
 
 logger = logging.getLogger(__name__)
 
@@ -34,15 +34,24 @@ CANCEL_EVERY = 0.2
 """Seconds between cancelling everybody's goals while braking."""
 ANSWER_LIMIT = 1.0
 """Seconds after which a cancel that is not answered is asked again: whoever should answer may have been killed."""
-PATIENCE = 3.0
-"""Seconds that a halted goal may take to end before the log tells of it, and a new motion is refused."""
 UNKNOWN_GOAL = CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
 
 
 class Brake:
     """To be made on the ROS thread; `halt`, `hold` and `let_go` may be called from any."""
 
-    def __init__(self, link: RosThread, settings: Ros2, clock: Callable[[], float], moves: Callable[[], bool]) -> None:
+    def __init__(
+        self,
+        link: RosThread,
+        settings: Ros2,
+        clock: Callable[[], float],
+        moves: Callable[[], bool],
+        *,
+        patience: float = Waits.halted_goal,
+    ) -> None:
+        """`clock` is the robot's, in Unix seconds; `moves` says whether it moves or may; `patience` is in s, as in
+        `Waits.halted_goal`."""
+        self._patience = patience
         self._link = link
         self._settings = settings
         self._robot_clock = clock
@@ -92,7 +101,7 @@ class Brake:
 
         Raises `Refusal` (timeout) when the motion that was halted has not ended.
         """
-        await until(self._is_quiet, PATIENCE, every=0.01)
+        await until(self._is_quiet, self._patience, every=0.01)
         if unfinished := self._unfinished:
             sentence = f"{unfinished[0].name} does not end the motion that was halted. Look at its log, or restart it."
             raise Refusal("timeout", sentence)
@@ -124,7 +133,7 @@ class Brake:
             return
         if self._unfinished_since is None:
             self._unfinished_since = now
-        if now - self._unfinished_since > PATIENCE and not self._complained:
+        if now - self._unfinished_since > self._patience and not self._complained:
             self._complained = True
             logger.error("%s has not ended a motion that was halted; it is cancelled on and on.", unfinished[0].name)
 

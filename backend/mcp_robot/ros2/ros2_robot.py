@@ -32,33 +32,34 @@ from backend.mcp_robot.ros2.goals import ABORTED, CANCELED, SUCCEEDED, Goal
 from backend.mcp_robot.ros2.ros_thread import RosThread
 from backend.mcp_robot.ros2.senses import Senses
 from backend.mcp_robot.ros2.voice import voice
-from backend.mcp_robot.ros2.waiting import until
+from backend.mcp_robot.ros2.waiting import Waits, until
 from backend.telemetry import Battery, Pose, Scan, Twist, Zone
 
 logger = logging.getLogger(__name__)
 
-START_LIMIT = 8.0
-"""Seconds that the start waits for the robot's parts; without them the server answers, and says what is missing."""
-REST_LIMIT = 3.0
-"""Seconds that a motion's end waits for the robot to stand, as odometry says."""
-SILENCE = 10.0
-"""Seconds without feedback after which an action has failed. Nav2 gives some many times a second."""
-BATTERY_TIMEOUT = 60.0
-"""Seconds of silence after which nobody knows the charge any more."""
 PLANNING_MARGIN = 0.05
+"""m that a path planned here stays farther from walls than the footprint needs."""
 
 
 class Ros2Robot:
     """A `Robot`. `running()` joins the ROS graph; before and after, nothing answers."""
 
     def __init__(
-        self, settings: Ros2, limits: Limits, *, name: str, places: TopologicalMap, zones: Sequence[Zone] = ()
+        self,
+        settings: Ros2,
+        limits: Limits,
+        *,
+        name: str,
+        places: TopologicalMap,
+        zones: Sequence[Zone] = (),
+        waits: Waits | None = None,
     ) -> None:
         self.name = name
         self.footprint_radius = settings.footprint_radius
         self.places = places
         self.on_reroute: Callable[[Floats], None] = lambda _: None  # called with the new way of a drive
         self._settings = settings
+        self._waits = waits or Waits()
         self._zones = tuple(zones)
         self._limits = limits
         self._link = RosThread("robot_acp", settings.domain_id)
@@ -90,7 +91,7 @@ class Ros2Robot:
         self._compute_path = ActionClient(node, ComputePathToPose, s.compute_path) if s.compute_path else None
         self._voice = voice(self._link, s, self._senses.clock)
         # After the clients: nodes hear of these in order, so that whoever answers a cancel has found the others, too.
-        self._brake = Brake(self._link, s, self._senses.clock, self._may_move)
+        self._brake = Brake(self._link, s, self._senses.clock, self._may_move, patience=self._waits.halted_goal)
 
     async def _wait_for_the_robot(self) -> None:
         loop = asyncio.get_running_loop()
@@ -102,7 +103,7 @@ class Ros2Robot:
         self._senses.on_plan = rerouted
         # A robot server that ended badly left its motion to Nav2: whatever it is, it ends now.
         self._brake.halt()
-        await until(lambda: not self._absent(), START_LIMIT)
+        await until(lambda: not self._absent(), self._waits.start)
         self._starting = False
         if self._senses.odometry:
             await self._at_rest()
@@ -152,7 +153,7 @@ class Ros2Robot:
         """Its charge; empty while it says nothing, full where it has no topic for it."""
         if not self._settings.battery:
             return Battery(1.0, False)
-        told = self._senses.battery if self._senses.age("battery") <= BATTERY_TIMEOUT else None
+        told = self._senses.battery if self._senses.age("battery") <= self._waits.battery else None
         return told or Battery(0.0, False)
 
     @property
@@ -194,7 +195,7 @@ class Ros2Robot:
         self._address(message.goal, goal)
         name = self._settings.compute_path
         status, result = await Goal(self._link, client, name, self._settings.answer_timeout).run(
-            message, silence=SILENCE
+            message, silence=self._waits.silence
         )
         if status != SUCCEEDED:
             refusal = failures.aborted(name, result)
@@ -260,7 +261,7 @@ class Ros2Robot:
         self._remaining = begin
         try:
             status, result = await goal.run(
-                message, silence=SILENCE, on_feedback=on_feedback, check=self._not_lost_while_moving
+                message, silence=self._waits.silence, on_feedback=on_feedback, check=self._not_lost_while_moving
             )
         except Refusal:
             self._brake.halt()
@@ -309,7 +310,7 @@ class Ros2Robot:
             odometry = self._senses.odometry
             return odometry is not None and odometry.arrived > began and self.velocity.twist == Twist(0.0, 0.0)
 
-        if not await until(stands, REST_LIMIT):
+        if not await until(stands, self._waits.rest):
             logger.warning("The robot's odometry does not say that it stands.")
 
     def halt(self) -> None:

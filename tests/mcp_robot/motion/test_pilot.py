@@ -18,6 +18,7 @@ from backend.mcp_robot.robot import Fix, Route, Sound, Velocity
 from backend.mcp_robot.simulator.simulated_robot import SimulatedRobot
 from backend.mcp_robot.simulator.world import World
 from backend.telemetry import Pose
+from tests.processes import eventually
 
 KITCHEN = Pose(2.9, 9.7, 0.0)
 
@@ -177,6 +178,14 @@ async def test_whoever_is_inside_hears_that_the_simulators_time_stands_still(off
     task = asyncio.create_task(inside())
     await asyncio.wait({task}, timeout=20)
     assert task.cancelled()
+
+
+async def test_a_preview_that_nobody_withdraws_ends_by_itself(office: World, tmp_path: Path) -> None:
+    pilot = Pilot(SimulatedRobot(office, Limits()), StopLatch(tmp_path), Limits(), preview_age=0.2)
+    await pilot.plan(KITCHEN, final_yaw=False, preview=PathPreview("a.1"))
+    assert pilot.path.preview
+    await eventually(lambda: not pilot.path.preview, "the end of the preview")
+    assert not pilot.path.points
 
 
 async def test_a_state_that_says_at_rest_has_the_pose_of_the_rest(office: World, tmp_path: Path) -> None:
