@@ -1,4 +1,4 @@
-"""Which robot the settings ask for, made and ready to be run. The only place that knows of more than one kind."""
+"""Builds the robot that the settings ask for. The only file that knows more than one kind of robot."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from backend.telemetry import Zone
 
 
 class RunningRobot(Robot, Protocol):
-    """A robot that lives while its context is open, and tells when a drive takes another way."""
+    """A robot that has to be run, and calls `on_reroute` with the new path when a drive takes another one."""
 
     on_reroute: Callable[[Floats], None]
 
     def running(self) -> contextlib.AbstractAsyncContextManager[None]:
-        """Let it live while inside."""
+        """Run the robot while inside."""
 
 
 def build(settings: Settings) -> tuple[RunningRobot, list[Zone]]:

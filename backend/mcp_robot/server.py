@@ -28,9 +28,9 @@ from backend.telemetry import Zone
 logger = logging.getLogger(__name__)
 
 SEND_BUFFER = 128 * 1024
-"""Bytes the kernel may hold for one connection: what lies there can no longer be replaced by something newer."""
+"""Bytes that the kernel may buffer for one connection. Telemetry in that buffer can no longer be replaced by newer."""
 GRACE = 2
-"""Seconds that open connections get at the end."""
+"""Seconds that open connections have to end when the server shuts down."""
 
 
 async def serve(
@@ -73,7 +73,7 @@ async def serve(
 
 
 class _Http(uvicorn.Server):
-    """uvicorn, which tells when it answers, and brakes the robot before it waits for open connections to end."""
+    """uvicorn, which reports when it answers, and brakes the robot before it waits for open connections to end."""
 
     def __init__(self, app: Starlette, pilot: Pilot, on_ready: Callable[[int], None] | None) -> None:
         super().__init__(

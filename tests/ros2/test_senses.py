@@ -25,11 +25,11 @@ class Spoken:
         from sensor_msgs.msg import BatteryState, LaserScan
 
         from backend.config import Ros2
-        from backend.mcp_robot.ros2.frames import Link
+        from backend.mcp_robot.ros2.frames import Transform
         from backend.mcp_robot.ros2.senses import LATCHED, Senses
 
         self.senses = Senses(link.node, Ros2(), 1.0, ())
-        self.laser_is_at = lambda pose: self.senses.frames.put("laser", Link("base_link", pose, time.time(), 0.0))
+        self.laser_is_at = lambda pose: self.senses.frames.put("laser", Transform("base_link", pose, time.time(), 0.0))
         self.scans = link.node.create_publisher(LaserScan, "scan", 1)
         self.batteries = link.node.create_publisher(BatteryState, "battery_state", 1)
         self.odometry = link.node.create_publisher(Odometry, "odom", 1)

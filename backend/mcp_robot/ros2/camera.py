@@ -1,7 +1,7 @@
-"""The robot's camera: a picture when one is asked for, and no traffic when none is.
+"""The camera of a ROS 2 robot: it subscribes to the topic only while pictures are asked for.
 
-A raw stream costs a processor core in Python: the topic is heard from the first request until nobody has asked for a
-while. An old picture is never given out for a new one.
+A raw stream costs a processor core in Python: so the subscription begins with the first request and ends some seconds
+after the last one. An old picture is never returned for a new one.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from backend.mcp_robot.ros2.senses import LATEST, Senses
 from backend.mcp_robot.ros2.waiting import until
 
 KEEP = 5.0
-"""Seconds after the last request for which the topic is still heard."""
+"""Seconds after the last request for which the subscription stays."""
 NEW = 0.5
 """A picture that arrived within so many seconds is new."""
 
 
 class Camera:
-    """`photo` may be called by any number at once."""
+    """`photo` may be called several times at once."""
 
     def __init__(self, link: RosThread, settings: Ros2, senses: Senses) -> None:
         self._link = link
@@ -38,7 +38,7 @@ class Camera:
         self._asked = 0.0  # monotonic time of the latest request
 
     async def photo(self) -> Picture:
-        """What it sees now. Raises `Refusal` (no_camera)."""
+        """A picture that is new. Raises `Refusal` (no_camera)."""
         topic, limit = self._settings.image, self._settings.camera_timeout
         if not topic:
             raise Refusal("no_camera", "This robot has no camera: no topic is set for it.")

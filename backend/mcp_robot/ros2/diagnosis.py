@@ -1,6 +1,6 @@
-"""What a ROS 2 robot offers and lacks, looked at from outside: imports, topics, actions, transform.
+"""Diagnoses a ROS 2 robot from outside: imports, topics, actions, transform. `robot-acp doctor` prints the findings.
 
-It listens and asks; it never commands anything, so that it may be run beside a robot that drives.
+It only listens and commands nothing, so that it may be run beside a robot that drives.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from backend.findings import Finding, bad, good
 from backend.mcp_robot.ros2 import interfaces
 
 LISTEN = 8.0
-"""Seconds that it listens before it says that something is missing: nodes need a while to see each other."""
+"""Seconds that it listens before it reports that a part is missing: nodes need a while to discover each other."""
 LOOK_EVERY = 0.5
 
 
 async def examine(settings: Settings) -> list[Finding]:
-    """Everything about ROS, in the order in which one thing needs the other."""
+    """All findings about ROS, in the order in which one thing needs the other."""
     ros2 = settings.robot.ros2
     try:
         interfaces.require_rclpy()
@@ -84,7 +84,7 @@ def _topics(node: Any, senses: Any) -> Iterator[Finding]:
 
 
 def _picture(node: Any, senses: Any) -> Iterator[Finding]:
-    # Not heard, only looked for: pictures are large.
+    # Counted and not subscribed to: pictures are large.
     if topic := senses.settings.image:
         count = node.count_publishers(topic)
         advice = "Start the camera's driver, or set robot.ros2.image."

@@ -1,7 +1,7 @@
-"""One goal of a ROS action, from asking to its end, for asyncio: accepted or not, feedback, cancel, result.
+"""One goal of a ROS action, from sending to its end, for asyncio: acceptance, feedback, cancel, result.
 
-Every wait is limited: a server that does not answer, or falls silent, ends the wait with a refusal. A goal that nobody
-waits for any more is cancelled, also when it is accepted only later.
+Every wait has a limit: a server that does not answer, or falls silent, ends the wait with a refusal. A goal whose
+caller is gone is cancelled, also when it is accepted only later.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from backend.mcp_robot.ros2.waiting import until
 
 SUCCEEDED, CANCELED, ABORTED = GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_CANCELED, GoalStatus.STATUS_ABORTED
 LOOK_EVERY = 0.1
-"""Seconds between looks at whether the server is still there."""
+"""Seconds between two checks that the server is still there."""
 
 
 class Goal:
@@ -33,7 +33,7 @@ class Goal:
         self._client = client
         self._answer_timeout = answer_timeout
         self._handle: Any = None  # on the ROS thread: set when accepted
-        self._under_way = False  # set there: from when it is sent until its end is known
+        self._under_way = False  # on the ROS thread: from sending until the end is known
         self._heard = 0.0  # monotonic time of the latest feedback, or of acceptance
 
     def halt(self) -> None:
@@ -43,7 +43,7 @@ class Goal:
 
     @property
     def unfinished(self) -> bool:
-        """It was halted, and nobody has said yet that it has ended."""
+        """Whether the goal was halted and its end is not known yet."""
         return self.halted and self._under_way
 
     @property
@@ -52,11 +52,11 @@ class Goal:
         return self._handle and self._handle.goal_id
 
     def forget(self) -> None:
-        """Its server does not know it (any more). On the ROS thread."""
+        """Its server does not know the goal, or no longer. On the ROS thread."""
         self._handle, self._under_way = None, False
 
     def server_is_there(self) -> bool:
-        """Whether the action's server is to be seen."""
+        """Whether the action's server is in the ROS graph."""
         return bool(self._client.server_is_ready())
 
     def _cancel(self) -> None:
@@ -135,7 +135,7 @@ class Goal:
             for future in (accepted, ended):
                 future.cancel()
                 if future.done() and not future.cancelled():
-                    future.exception()  # looked at: it is told elsewhere
+                    future.exception()  # or asyncio would log it: `_limited` and `_end` report it
             if not over:
                 self.halt()
 

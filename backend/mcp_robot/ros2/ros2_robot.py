@@ -1,8 +1,8 @@
 """A robot that runs ROS 2 and Nav2, as a `Robot`: topics to properties, actions to motions, failures to refusals.
 
-ROS lives in a thread of its own (`link.py`); nothing here blocks the event loop, and every wait has a limit. It begins
-to move only while a fresh pose in the map is known. Safety is Nav2's and the collision monitor's as well: nothing is
-published past them.
+ROS runs in a thread of its own (ros_thread.py); nothing here blocks the event loop, and every wait has a limit. A
+motion begins only while a fresh pose in the map is known. Nav2 and its collision monitor keep their own safety
+functions: nothing is published past them.
 """
 
 from __future__ import annotations
@@ -65,8 +65,8 @@ class Ros2Robot:
         self._link = RosThread("robot_acp", settings.domain_id)
         self._goal: Goal | None = None  # the motion under way
         self._remaining: Remaining | None = None  # what is left of it
-        self._starting = True  # until the robot's parts are found
-        self._halts = 0  # how often halt was called: what began before one must not go on after it
+        self._starting = True  # until the robot's parts are there
+        self._halts = 0  # how often `halt` was called: a motion that was asked for before must not go on after it
         self._search: tuple[OccupancyGrid, planner.SearchGrid] | None = None  # for the map that it was made of
         self._join()  # the ROS thread does not run yet
 
@@ -78,8 +78,8 @@ class Ros2Robot:
             await self._wait_for_the_robot()
             yield
         finally:
-            with contextlib.suppress(Refusal):  # the brake has told the log
-                await self._brake.let_go()  # what was cancelled last has to get out
+            with contextlib.suppress(Refusal):  # the brake has logged it
+                await self._brake.let_go()  # the last cancel has to be sent
             await asyncio.to_thread(self._link.close)
 
     def _join(self) -> None:
@@ -90,7 +90,8 @@ class Ros2Robot:
         self._spin = ActionClient(node, Spin, s.spin)
         self._compute_path = ActionClient(node, ComputePathToPose, s.compute_path) if s.compute_path else None
         self._voice = voice(self._link, s, self._senses.clock)
-        # After the clients: nodes hear of these in order, so that whoever answers a cancel has found the others, too.
+        # After the clients: other nodes discover these in order, so that a server that answers a cancel knows the rest,
+        # too.
         self._brake = Brake(self._link, s, self._senses.clock, self._may_move, patience=self._waits.halted_goal)
 
     async def _wait_for_the_robot(self) -> None:
@@ -101,7 +102,7 @@ class Ros2Robot:
                 loop.call_soon_threadsafe(self._rerouted, points)
 
         self._senses.on_plan = rerouted
-        # A robot server that ended badly left its motion to Nav2: whatever it is, it ends now.
+        # A robot server that was killed has left its motion to Nav2: that motion ends now.
         self._brake.halt()
         await until(lambda: not self._absent(), self._waits.start)
         self._starting = False
@@ -117,11 +118,11 @@ class Ros2Robot:
                 logger.error("%s is not on free floor of the robot's map: is places.yaml of this map?", place.name)
 
     def _may_move(self) -> bool:
-        """Whether a halt has to go on: until the nodes have seen each other, nobody knows."""
+        """Whether the robot moves, or may move because its nodes have not been discovered yet."""
         return self._starting or self._senses.velocity.twist != Twist(0.0, 0.0)
 
     def _absent(self) -> list[str]:
-        """What a motion needs and has not been heard of yet."""
+        """The parts of the robot that a motion needs and that are not there yet."""
         senses, s = self._senses, self._settings
         present = {
             f"the map ({s.map})": senses.grid is not None,
@@ -145,12 +146,12 @@ class Ros2Robot:
 
     @property
     def velocity(self) -> Velocity:
-        """How it moves, as odometry says."""
+        """The velocity that odometry reports."""
         return self._senses.velocity
 
     @property
     def battery(self) -> Battery:
-        """Its charge; empty while it says nothing, full where it has no topic for it."""
+        """The charge of the battery: empty while its topic is silent, full where no topic is set for it."""
         if not self._settings.battery:
             return Battery(1.0, False)
         told = self._senses.battery if self._senses.age("battery") <= self._waits.battery else None
@@ -165,7 +166,7 @@ class Ros2Robot:
 
     @property
     def remaining(self) -> Remaining | None:
-        """What is left of the motion, as Nav2 says."""
+        """What is left of the motion, as Nav2 reports."""
         return self._remaining
 
     @property
@@ -178,7 +179,7 @@ class Ros2Robot:
         return self._senses.scan()
 
     async def plan(self, goal: Pose, *, final_yaw: bool) -> Route:
-        """A way there: Nav2's planner's while nothing moves, else our own on the map. Raises `Refusal`."""
+        """A path to the goal: by Nav2's planner while nothing moves, else by our own planner. Raises `Refusal`."""
         start = self._located().pose
         # Nav2's planner serves one at a time: asking it while it steers a drive would end that drive.
         client = self._compute_path if self._goal is None else None
@@ -291,7 +292,8 @@ class Ros2Robot:
         raise Refusal("lost", sentence)
 
     def _odometry_speaks(self) -> None:
-        """Without it the robot seems to stand, and nothing that it does would be looked at. Raises `Refusal` (lost)."""
+        """Odometry is not older than `pose_timeout`; without it the robot would seem to stand. Raises `Refusal`
+        (lost)."""
         if self._senses.age("odom") > self._limits.pose_timeout:
             advice = "Start what publishes it, or see `robot-acp doctor`."
             raise Refusal("lost", f"The robot's odometry is silent, on the topic {self._settings.odom}. {advice}")
@@ -303,7 +305,7 @@ class Ros2Robot:
             self._located()
 
     async def _at_rest(self) -> None:
-        """Wait until odometry that came after now says that it stands, for a limited time."""
+        """Wait for a limited time until new odometry says that the robot stands."""
         began = time.monotonic()
 
         def stands() -> bool:
@@ -321,7 +323,7 @@ class Ros2Robot:
         self._brake.halt()
 
     def hold(self, held: bool) -> None:
-        """While held, keep cancelling everybody's goals and sending zero velocity."""
+        """While held, keep cancelling the goals of all clients and sending zero velocity."""
         self._brake.hold(held)
 
     def _rerouted(self, points: Floats) -> None:
@@ -329,7 +331,7 @@ class Ros2Robot:
             self.on_reroute(points)
 
     async def photo(self) -> Picture:
-        """What the camera sees. Raises `Refusal` (no_camera)."""
+        """A picture from the camera, taken now. Raises `Refusal` (no_camera)."""
         return await self._camera.photo()
 
     async def synthesize(self, text: str) -> Sound:

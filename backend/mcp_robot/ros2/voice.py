@@ -1,7 +1,7 @@
 """Says sentences through ROS: by an action whose goal holds the text, or by a topic of std_msgs/String.
 
-It does not make sound itself. A sentence is over when the action says so; a topic says nothing, so there the time that
-saying it takes is waited for.
+It makes no sound itself. An action reports when a sentence is over; a topic does not, so there the adapter waits for as
+long as the sentence takes.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Waiting for what the ROS thread changes: it sets plain values, and no event of asyncio could be set from there."""
+"""Waits for conditions that the ROS thread changes. It writes plain values, so they are polled from the event loop."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ class Waits:
 
 
 async def until(condition: Callable[[], object], limit: float, every: float = EVERY) -> bool:
-    """Whether a condition came true within `limit` s.
+    """Check a condition every `every` s; returns whether it came true within `limit` s.
 
-    A look that comes late counts for two at most: while a busy computer let this process stand, nothing came.
+    A check that comes late counts for two at most: while a busy computer suspends this process, nothing can arrive.
     """
     left = limit
     while not condition():

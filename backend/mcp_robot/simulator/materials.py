@@ -1,8 +1,8 @@
-"""How surfaces look: a colour for every pixel from where it lies in the building and what is there.
+"""The colours of surfaces: of every pixel by its position in the building and by the thing that it shows.
 
-Plain functions over arrays of pixels; patterns are functions of the place, so that they stay put when the robot moves.
-A pixel is the number of a colour and how bright it is until the very end, and a pattern is worked out only where it is
-seen: five pictures a second must leave the processor to who drives.
+Plain functions over arrays of pixels. Patterns are functions of the position, so that they stay when the robot moves.
+For speed a pixel is the number of a colour and a brightness until the very end, and a pattern is computed only where it
+is visible: five pictures a second must leave the processor to the guard.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""People who walk about, each on a round between places with pauses, clear of walls, each other and the robot.
+"""Pedestrians: each walks a closed path between places, with pauses, clear of walls, each other and the robot.
 
-Plain state in time, seeded: the same steps give the same people. They walk on ways that were planned once, forwards or
-backwards, so that a step costs next to nothing. None of them ever walks into the robot: they stop before it, stand in
-its way, and turn round when that lasts. The robot is told nothing of them; its laser and its camera see them.
+Plain state in time, seeded: the same steps give the same people. Their paths are planned once and walked forwards or
+backwards, so that a step costs next to nothing. Nobody walks into the robot: they stop before it, stand in its way, and
+turn round when that lasts. The robot knows of them only by its laser and its camera.
 """
 
 from __future__ import annotations
@@ -21,22 +21,23 @@ from backend.telemetry import Pose
 RADIUS = 0.22
 """Radius of a person in m."""
 WALKING_ROOM = 0.35
-"""Their ways keep so far (m) from walls."""
+"""Their paths keep so far (m) from walls."""
 SPEED = (0.7, 1.2)
+"""m/s, of the slowest and of the fastest."""
 PAUSE = (2.0, 8.0)
 """Seconds at each place."""
 PATIENCE = (3.0, 6.0)
-"""Seconds before something in the way, after which they turn round."""
+"""Seconds that they wait before something in their way; then they turn round."""
 SIDESTEP, SIDESTEP_SPEED = 0.9, 0.5
-"""So far (m) and so fast (m/s) they step aside from their way for the robot."""
+"""How far (m) and how fast (m/s) they step aside for the robot."""
 HURRY = 2.5
-"""Nobody moves faster than this (m/s), not even aside of their way round a corner."""
+"""Nobody moves faster than this (m/s), not even beside their path round a corner."""
 PERSONAL_SPACE = 0.25
 """m that they keep between themselves and the robot, beyond the way that it needs to stop."""
 STOPS = 3
 """Places on a round."""
 START_CLEAR = 2.5
-"""m around the robot in which nobody begins."""
+"""Radius in m around the robot in which nobody begins."""
 
 Room = Callable[[float, float], float]
 """Clearance in m of a point from all that stands."""
@@ -44,7 +45,7 @@ Room = Callable[[float, float], float]
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """A closed way: points about planner.SPACING apart, and at which of them one pauses."""
+    """A closed path: points about planner.SPACING apart, and the indices of those where a person pauses."""
 
     points: list[tuple[float, float]]
     stops: frozenset[int]
@@ -52,8 +53,8 @@ class Round:
 
 @dataclass
 class Pedestrian:
-    """Someone on a round. `at` counts the points done, with fractions; `aside` is m to the left of the way, whatever
-    the `direction`, which is 1 or -1; `waiting` and `pausing` are s."""
+    """A person on a round. `at` is the position on it as an index of its points, with fractions; `aside` is in m to the
+    left of the path, seen forwards; `direction` is 1 or -1; `waiting` and `pausing` are in s."""
 
     round: Round
     at: float
@@ -66,7 +67,7 @@ class Pedestrian:
 
     @property
     def pose(self) -> Pose:
-        """Where the person is and looks."""
+        """Where the person is, and the direction of their face."""
         points = self.round.points
         here, part = int(self.at), self.at - int(self.at)
         (x0, y0), (x1, y1) = points[here % len(points)], points[(here + 1) % len(points)]
@@ -77,7 +78,7 @@ class Pedestrian:
 
 
 class Pedestrians:
-    """All people of a building."""
+    """All pedestrians of a building."""
 
     def __init__(self, everyone: list[Pedestrian], generator: np.random.Generator) -> None:
         self._everyone = everyone
@@ -86,7 +87,7 @@ class Pedestrians:
 
     @property
     def discs(self) -> list[Disc]:
-        """What the laser sees of them."""
+        """The discs that the laser sees."""
         return [(pose.x, pose.y, RADIUS) for pose in self.poses]
 
     def clearance(self, x: float, y: float) -> float:
@@ -117,7 +118,7 @@ class Pedestrians:
             self.poses[index] = person.pose
 
     def _wishes(self, person: Pedestrian, dt: float) -> list[tuple[float, float]]:
-        """What somebody would do next, best first, as `at` and `aside`: go on, and back to the way; or step aside."""
+        """What a person would do next, best first, as `at` and `aside`: go on and back to the path, or step aside."""
         on = (person.at + person.direction * person.speed * dt / planner.SPACING) % len(person.round.points)
         step = SIDESTEP_SPEED * dt
         back = max(abs(person.aside) - step, 0.0)
@@ -131,7 +132,7 @@ class Pedestrians:
             person.pausing = float(self._generator.uniform(*PAUSE))
 
     def _free(self, index: int, there: Pose, room: Room, robot: Pose, keep: float) -> bool:
-        """Whether somebody may step there: nothing is too near, or at least they go away from it."""
+        """Whether a person may step there: nothing is too near, or at least the step leads away from it."""
         here = self.poses[index]
         if not _room_or_away(room(there.x, there.y), room(here.x, here.y), RADIUS):
             return False

@@ -1,8 +1,8 @@
-"""The first-person camera: a picture of the map as if it were a building.
+"""Renders the picture of the robot's camera: the map as if it were a building.
 
 Plain functions over an immutable world, run in a thread. For every column of the picture a ray is followed through the
 map; the nearest thing whose top reaches above a row fills that row (the voxel-space method of Comanche, 1992), unless
-floor, ceiling or the lintel of a door come first. Colours are in `materials`. Nothing may navigate by this picture.
+floor, ceiling or the lintel of a door come first. materials.py has the colours. Nothing may navigate by this picture.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ Indices = npt.NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class Rays:
-    """What the rays of all columns meet at each of `_DEPTHS`: arrays of shape (samples, columns), nearest first."""
+    """The shade and height in m of the map at each of `_DEPTHS` along the ray of each column: shape (samples, columns),
+    nearest first."""
 
     shade: npt.NDArray[np.uint8]
     height: Floats32
@@ -43,7 +44,7 @@ class Rays:
 
 @lru_cache(maxsize=1)  # a robot at rest sees the same five times a second
 def photograph(world: World, pose: Pose, people: tuple[Pose, ...] = ()) -> bytes:
-    """The picture from `pose` as JPEG; `people` are where they stand and look."""
+    """The picture from `pose` as JPEG; `people` are their poses."""
     rays = _follow_rays(world, pose)
     distance, sample, kind = _nearest(rays)
     pixels = materials.paint(world, _surface(pose, rays, distance, sample, kind))
@@ -154,7 +155,8 @@ def _surface(
 
 
 def _show_people(image: Image.Image, people: tuple[Pose, ...], pose: Pose, distance: Floats32) -> None:
-    """The farthest first; at their feet the floor is as near as they are, so a little nearer counts as before it."""
+    """Paste people, the farthest first. The floor at their feet is as near as they are, so their depth is reduced a
+    little."""
     numbered = sorted(enumerate(people), key=lambda item: -math.hypot(item[1].x - pose.x, item[1].y - pose.y))
     for number, person in numbered:
         depth, left = _in_view(person.x, person.y, pose)

@@ -30,9 +30,9 @@ from backend.telemetry import Pose
 logger = logging.getLogger(__name__)
 
 FEEDBACK_EVERY = 0.05
-"""Wall seconds between feedbacks, and between looks at whether a goal was cancelled."""
+"""Wall seconds between feedbacks, and between two checks whether a goal was cancelled."""
 PROGRESS_TIME = 10.0
-"""Wall seconds that a robot may stand before its goal is given up, as Nav2's progress checker has it."""
+"""Wall seconds without progress after which a goal is given up, as by Nav2's progress checker."""
 COLLISION_AHEAD, NO_PROGRESS, NO_VALID_PATH, UNKNOWN = 703, 105, 209, 9000
 
 End = Literal["succeeded", "canceled", "aborted"]
@@ -61,7 +61,7 @@ class StandIn:
         self._topics.on_say = lambda text: self._soon(lambda: self._start(self._say(text)))
 
     async def run(self) -> None:
-        """Be part of the ROS graph until cancelled. Simulated time begins when somebody listens."""
+        """Be part of the ROS graph until cancelled. Simulated time begins with the first subscriber to odometry."""
         self._link.open()
         print(f"The stand-in for a ROS 2 robot is on the domain {self._link.domain}.", flush=True)
         try:

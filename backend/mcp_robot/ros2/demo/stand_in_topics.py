@@ -1,7 +1,7 @@
 """The topics of the stand-in: what localisation, drivers, map server and camera of a real robot publish.
 
-Latest values at fixed rates of the wall's clock, with the simulator's stamps. AMCL speaks when the robot has moved, as
-the real one does; pictures are drawn only while somebody looks.
+Latest values at fixed rates of the wall's clock, with the simulator's stamps. The AMCL pose is published when the robot
+has moved, as by the real one; pictures are drawn only while they have a subscriber.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ SCAN_EVERY, BATTERY_EVERY, PICTURE_EVERY = 0.1, 0.2, 0.2
 AMCL_WAY, AMCL_TURN = 0.25, 0.2
 """AMCL's update_min_d and update_min_a."""
 ODOM_IN_MAP = Pose(0.9, 3.1, 0.4)
-"""Where odometry began: it knows nothing of the map, and so has a frame of its own."""
+"""The pose of the odometry's frame in the map: odometry knows nothing of the map (REP 105)."""
 LASER_FRAME = "base_scan"
 
 
@@ -82,7 +82,7 @@ class StandInTopics:
             self.on_zero()
 
     async def heard(self) -> None:
-        """Wait until somebody listens."""
+        """Wait for the first subscriber to odometry."""
         await until(self._odometry.get_subscription_count, math.inf)
 
     async def publish_for_ever(self) -> None:
