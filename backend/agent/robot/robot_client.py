@@ -30,7 +30,7 @@ STALE_S = 2.0
 """States come twenty times a second: after so long without one the latest state is no longer valid."""
 PREVIEW_TIMEOUT_S = 1.0
 
-_BROKEN = (OSError, WebSocketException, msgspec.DecodeError)
+_CONNECTION_ERRORS = (OSError, WebSocketException, msgspec.DecodeError)
 """The errors with which a telemetry connection ends."""
 
 Watcher = Callable[["telemetry.State | None"], None]
@@ -73,8 +73,8 @@ class RobotClient:
         if self._base is None:
             return
         while True:
-            with contextlib.suppress(*_BROKEN, TimeoutError):
-                async with self._line(self._base) as socket:
+            with contextlib.suppress(*_CONNECTION_ERRORS, TimeoutError):
+                async with self._connection(self._base) as socket:
                     while True:
                         await self._take(await self._next(socket))
             if self.state is not None:
@@ -83,7 +83,7 @@ class RobotClient:
             await asyncio.sleep(RETRY_S)
 
     @contextlib.asynccontextmanager
-    async def _line(self, base: str) -> AsyncIterator[ClientConnection]:
+    async def _connection(self, base: str) -> AsyncIterator[ClientConnection]:
         """A telemetry connection that is subscribed to states."""
         url = base.replace("http", "ws", 1) + "/telemetry"
         async with connect(url, additional_headers=self._headers, max_size=2**26) as socket:
@@ -105,7 +105,7 @@ class RobotClient:
 
     async def _fall_silent(self) -> None:
         if self.state is not None:
-            log.warning("the robot server has told nothing for %g s; its line is still open", self._stale_after)
+            log.warning("the robot server has sent nothing for %g s; its connection is still open", self._stale_after)
         await self._set(None, silent=True)
 
     async def _set(self, state: telemetry.State | None, *, silent: bool = False) -> None:
@@ -121,9 +121,9 @@ class RobotClient:
         The next message on the connection that `run` keeps can be older than this call: on a busy machine messages wait
         there. On a new connection none can.
         """
-        with contextlib.suppress(*_BROKEN, TimeoutError):
+        with contextlib.suppress(*_CONNECTION_ERRORS, TimeoutError):
             if self._base is not None:
-                async with asyncio.timeout(self._stale_after), self._line(self._base) as socket:
+                async with asyncio.timeout(self._stale_after), self._connection(self._base) as socket:
                     while True:
                         message = telemetry.decode(await socket.recv(decode=False))
                         if isinstance(message, telemetry.State):

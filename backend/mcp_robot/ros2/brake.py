@@ -42,7 +42,7 @@ class Brake:
 
     def __init__(
         self,
-        link: RosThread,
+        ros: RosThread,
         settings: Ros2,
         clock: Callable[[], float],
         moves: Callable[[], bool],
@@ -52,7 +52,7 @@ class Brake:
         """`clock` is the robot's, in Unix seconds; `moves` says whether it moves or may; `patience` is in s, as in
         `Waits.halted_goal`."""
         self._patience = patience
-        self._link = link
+        self._ros = ros
         self._settings = settings
         self._robot_clock = clock
         self._moves = moves
@@ -64,7 +64,7 @@ class Brake:
         self._goals: tuple[Goal, ...] = ()  # our motions whose end is not known
         self._unfinished_since: float | None = None  # monotonic time since when a halted motion has not ended
         self._complained = False  # whether the log has that motion already
-        node = link.node
+        node = ros.node
         self._zero = TwistStamped if settings.stamped else Twist
         self._publisher = node.create_publisher(self._zero, settings.cmd_vel, QoSProfile(depth=1))
         actions = dict.fromkeys((settings.navigate, settings.spin, *settings.stops))
@@ -78,7 +78,7 @@ class Brake:
     def halt(self) -> None:
         """Cancel the goals of all clients and send zero velocity until the robot is at rest. Returns at once."""
         self._until, self._settling = time.monotonic() + PULSE, True
-        self._ordered = self._link.submit(self._cancel_all)  # first: a publisher that fails must not prevent it
+        self._ordered = self._ros.submit(self._cancel_all)  # first: a publisher that fails must not prevent it
         self._publish()
 
     def hold(self, held: bool) -> None:

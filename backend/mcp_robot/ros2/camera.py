@@ -29,8 +29,8 @@ NEW = 0.5
 class Camera:
     """`photo` may be called several times at once."""
 
-    def __init__(self, link: RosThread, settings: Ros2, senses: Senses) -> None:
-        self._link = link
+    def __init__(self, ros: RosThread, settings: Ros2, senses: Senses) -> None:
+        self._ros = ros
         self._settings = settings
         self._senses = senses
         self._subscription: Any = None  # on the ROS thread
@@ -43,7 +43,7 @@ class Camera:
         if not topic:
             raise Refusal("no_camera", "This robot has no camera: no topic is set for it.")
         self._asked = time.monotonic()
-        await self._link.run(self._listen)
+        await self._ros.run(self._listen)
         oldest = self._asked - NEW
         await until(lambda: self._latest and self._latest[1] > oldest, limit, every=0.01)
         latest = self._latest
@@ -60,11 +60,11 @@ class Camera:
     def _listen(self) -> None:
         if self._subscription is None:
             kind = CompressedImage if self._settings.image_type == "compressed" else Image
-            self._subscription = self._link.node.create_subscription(kind, self._settings.image, self._hear, LATEST)
+            self._subscription = self._ros.node.create_subscription(kind, self._settings.image, self._hear, LATEST)
 
     def _hear(self, message: Any) -> None:
         now = time.monotonic()
         self._latest = (message, now)
         if now - self._asked > KEEP:
-            self._link.node.destroy_subscription(self._subscription)
+            self._ros.node.destroy_subscription(self._subscription)
             self._subscription = self._latest = None

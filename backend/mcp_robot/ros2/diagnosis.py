@@ -45,29 +45,29 @@ async def _graph(settings: Settings) -> list[Finding]:
     from backend.mcp_robot.ros2.ros_thread import RosThread
     from backend.mcp_robot.ros2.senses import Senses
 
-    link = RosThread("robot_acp_doctor", settings.robot.ros2.domain_id)
-    senses = Senses(link.node, settings.robot.ros2, settings.robot.limits.pose_timeout, ())
-    link.open()
+    ros = RosThread("robot_acp_doctor", settings.robot.ros2.domain_id)
+    senses = Senses(ros.node, settings.robot.ros2, settings.robot.limits.pose_timeout, ())
+    ros.open()
     try:
         deadline = time.monotonic() + LISTEN
         while True:
             await asyncio.sleep(LOOK_EVERY)
-            found = await link.run(lambda: _all(link, senses, get_rmw_implementation_identifier()))
+            found = await ros.run(lambda: _all(ros, senses, get_rmw_implementation_identifier()))
             if all(finding.ok for finding in found) or time.monotonic() > deadline:
                 return found
     finally:
-        await asyncio.to_thread(link.close)
+        await asyncio.to_thread(ros.close)
 
 
-def _all(link: Any, senses: Any, middleware: str) -> list[Finding]:
-    nodes = [name for name in link.node.get_node_names() if name != link.node.get_name()]
-    about = f"{middleware}, domain {link.domain}"
+def _all(ros: Any, senses: Any, middleware: str) -> list[Finding]:
+    nodes = [name for name in ros.node.get_node_names() if name != ros.node.get_name()]
+    about = f"{middleware}, domain {ros.domain}"
     if not nodes:
         advice = "Start the robot, or set robot.ros2.domain_id or ROS_AUTOMATIC_DISCOVERY_RANGE as it has them."
         return [bad("ROS graph", f"no other node is to be seen ({about})", advice)]
     graph = good("ROS graph", f"{len(nodes)} other node{'' if len(nodes) == 1 else 's'} ({about})")
-    return [graph, *_topics(link.node, senses), *_picture(link.node, senses), *_outputs(link.node, senses.settings),
-            *_actions(link.node, senses.settings), _transform(senses)]  # fmt: skip
+    return [graph, *_topics(ros.node, senses), *_picture(ros.node, senses), *_outputs(ros.node, senses.settings),
+            *_actions(ros.node, senses.settings), _transform(senses)]  # fmt: skip
 
 
 def _topics(node: Any, senses: Any) -> Iterator[Finding]:

@@ -38,11 +38,13 @@ class Frames:
     """All frames. Written by one thread, read by any."""
 
     def __init__(self) -> None:
-        self._links: dict[str, Transform] = {}  # child -> its place in its parent
+        self._transforms: dict[str, Transform] = {}  # child -> its place in its parent
 
-    def put(self, child: str, link: Transform) -> None:
+    def put(self, child: str, transform: Transform) -> None:
         """Keep the latest transform of one frame."""
-        self._links[_name(child)] = Transform(_name(link.parent), link.pose, link.stamp, link.arrived)
+        self._transforms[_name(child)] = Transform(
+            _name(transform.parent), transform.pose, transform.stamp, transform.arrived
+        )
 
     def find(self, frame: str, within: str) -> Found | None:
         """The pose of `frame` in the frame `within`; None when no chain of parents leads there."""
@@ -51,12 +53,12 @@ class Frames:
         for _ in range(LONGEST_CHAIN):
             if frame == within:
                 return Found(pose, stamp, arrived)
-            link = self._links.get(frame)
-            if link is None:
+            transform = self._transforms.get(frame)
+            if transform is None:
                 return None
-            pose = compose(link.pose, pose)
-            stamp, arrived = min(stamp, link.stamp), min(arrived, link.arrived)
-            frame = link.parent
+            pose = compose(transform.pose, pose)
+            stamp, arrived = min(stamp, transform.stamp), min(arrived, transform.arrived)
+            frame = transform.parent
         return None
 
 

@@ -26,10 +26,10 @@ LOOK_EVERY = 0.1
 class Goal:
     """A goal that is sent once."""
 
-    def __init__(self, link: RosThread, client: Any, name: str, answer_timeout: float) -> None:
+    def __init__(self, ros: RosThread, client: Any, name: str, answer_timeout: float) -> None:
         self.name = name
         self.halted = False  # set by halt; a goal that is accepted afterwards is cancelled at once
-        self._link = link
+        self._ros = ros
         self._client = client
         self._answer_timeout = answer_timeout
         self._handle: Any = None  # on the ROS thread: set when accepted
@@ -39,7 +39,7 @@ class Goal:
     def halt(self) -> None:
         """Cancel it, now or once it is accepted. Any thread; cannot fail."""
         self.halted = True
-        self._link.submit(self._cancel)
+        self._ros.submit(self._cancel)
 
     @property
     def unfinished(self) -> bool:
@@ -125,7 +125,7 @@ class Goal:
         over = False
         try:
             await self._server()
-            await self._link.run(send)
+            await self._ros.run(send)
             if not await self._limited(accepted, "accept or reject the goal"):
                 raise Refusal("goal_rejected", f"{self.name} rejected the goal. Choose another, or look at its log.")
             end = await self._end(ended, silence, check)

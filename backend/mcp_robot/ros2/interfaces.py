@@ -143,7 +143,7 @@ def _make(folder: Path, distro: Distro, packages: list[str]) -> None:
             shutil.move(part, kept)
         for package in packages:
             shutil.move(next(made.glob(f"l*/python3*/*-packages/{package}")), kept)
-        kept.rename(folder)  # in one step: whoever is killed before leaves no half of it
+        kept.rename(folder)  # in one step: a process that is killed before leaves no half of it
 
 
 def _build(scratch: Path, package: str, distro: Distro, made: Path) -> tuple[subprocess.Popen[bytes], Path]:

@@ -62,7 +62,7 @@ class Ros2Robot:
         self._waits = waits or Waits()
         self._zones = tuple(zones)
         self._limits = limits
-        self._link = RosThread("robot_acp", settings.domain_id)
+        self._ros = RosThread("robot_acp", settings.domain_id)
         self._goal: Goal | None = None  # the motion under way
         self._remaining: Remaining | None = None  # what is left of it
         self._starting = True  # until the robot's parts are there
@@ -73,26 +73,26 @@ class Ros2Robot:
     @contextlib.asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
         """Be part of the ROS graph while inside."""
-        self._link.open()
+        self._ros.open()
         try:
             await self._wait_for_the_robot()
             yield
         finally:
             with contextlib.suppress(Refusal):  # the brake has logged it
                 await self._brake.let_go()  # the last cancel has to be sent
-            await asyncio.to_thread(self._link.close)
+            await asyncio.to_thread(self._ros.close)
 
     def _join(self) -> None:
-        node, s = self._link.node, self._settings
+        node, s = self._ros.node, self._settings
         self._senses = Senses(node, s, self._limits.pose_timeout, self._zones)
-        self._camera = Camera(self._link, s, self._senses)
+        self._camera = Camera(self._ros, s, self._senses)
         self._navigate = ActionClient(node, NavigateToPose, s.navigate)
         self._spin = ActionClient(node, Spin, s.spin)
         self._compute_path = ActionClient(node, ComputePathToPose, s.compute_path) if s.compute_path else None
-        self._voice = voice(self._link, s, self._senses.clock)
+        self._voice = voice(self._ros, s, self._senses.clock)
         # After the clients: other nodes discover these in order, so that a server that answers a cancel knows the rest,
         # too.
-        self._brake = Brake(self._link, s, self._senses.clock, self._may_move, patience=self._waits.halted_goal)
+        self._brake = Brake(self._ros, s, self._senses.clock, self._may_move, patience=self._waits.halted_goal)
 
     async def _wait_for_the_robot(self) -> None:
         loop = asyncio.get_running_loop()
@@ -154,8 +154,8 @@ class Ros2Robot:
         """The charge of the battery: empty while its topic is silent, full where no topic is set for it."""
         if not self._settings.battery:
             return Battery(1.0, False)
-        told = self._senses.battery if self._senses.age("battery") <= self._waits.battery else None
-        return told or Battery(0.0, False)
+        charge = self._senses.battery if self._senses.age("battery") <= self._waits.battery else None
+        return charge or Battery(0.0, False)
 
     @property
     def grid(self) -> OccupancyGrid:
@@ -195,7 +195,7 @@ class Ros2Robot:
         message = ComputePathToPose.Goal(use_start=False)
         self._address(message.goal, goal)
         name = self._settings.compute_path
-        status, result = await Goal(self._link, client, name, self._settings.answer_timeout).run(
+        status, result = await Goal(self._ros, client, name, self._settings.answer_timeout).run(
             message, silence=self._waits.silence
         )
         if status != SUCCEEDED:
@@ -257,7 +257,7 @@ class Ros2Robot:
         self._located()
         if self._halts != halts:
             raise Halted
-        goal = self._goal = Goal(self._link, client, name, self._settings.answer_timeout)
+        goal = self._goal = Goal(self._ros, client, name, self._settings.answer_timeout)
         self._brake.watch(goal)
         self._remaining = begin
         try:

@@ -161,7 +161,7 @@ class Senses:
         return amcl, "amcl_pose"
 
     def scan(self) -> Scan:
-        """The latest laser scan; one without readings before the first, and where nobody knows where the laser is."""
+        """The latest laser scan; one without readings before the first, and while the laser's pose is unknown."""
         if self._scan is None:
             return Scan(0.0, self.fix.pose, -math.pi, math.tau, 0.0, [])
         message, heard, arrived = self._scan

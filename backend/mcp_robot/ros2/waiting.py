@@ -22,7 +22,7 @@ class Waits:
     silence: float = 10.0
     """Without feedback for so long an action has failed. Nav2 gives some many times a second."""
     battery: float = 60.0
-    """After so long a silence nobody knows the charge any more."""
+    """After so long a silence the charge counts as unknown."""
     halted_goal: float = 3.0
     """A halted goal may take so long to end before the log reports it, and a new motion is refused."""
 

@@ -97,7 +97,7 @@ def add(server: RobotServer, pilot: Pilot) -> None:
 
 def preview_asked_for(meta: Mapping[str, Any] | None) -> PathPreview | None:
     """The preview that a call with `plan_only` asks for in its `_meta`; None where it asks for none that can be used:
-    then the path is computed and drawn for nobody."""
+    then the path is computed and not drawn."""
     match (meta or {}).get(keys.PREVIEW):
         case {"id": str(own), **more} if 0 < len(own) <= MAX_PREVIEW_ID and "/" not in own:
             return PathPreview(own, more.get("rehearsal") is True)

@@ -50,15 +50,15 @@ LASER_FRAME = "base_scan"
 class StandInTopics:
     """All publishers and subscriptions, made before the ROS thread starts."""
 
-    def __init__(self, link: RosThread, robot: SimulatedRobot, settings: Robot) -> None:
+    def __init__(self, ros: RosThread, robot: SimulatedRobot, settings: Robot) -> None:
         self._robot = robot
         self._settings = s = settings.ros2
         self._time_scale = settings.time_scale
         self.on_zero: Callable[[], None] = lambda: None  # called on the ROS thread with each zero velocity
         self.on_say: Callable[[str], None] = lambda _: None  # called there with each text
-        self._amcl_said: Pose | None = None  # the pose that AMCL told last
+        self._amcl_published: Pose | None = None  # the latest pose that was published as AMCL does
         self._due: dict[str, float] = {}  # topic -> time of its next message
-        node = link.node
+        node = ros.node
         reliable, sensor = QoSProfile(depth=10), qos_profile_sensor_data
         self._clock = node.create_publisher(Clock, "/clock", sensor)
         self._frames = node.create_publisher(TFMessage, "/tf", QoSProfile(depth=100))
@@ -110,7 +110,7 @@ class StandInTopics:
             )
         )
         if self._amcl and self._has_moved(pose):
-            self._amcl_said = pose
+            self._amcl_published = pose
             message = PoseWithCovarianceStamped()
             self._stamp(message.header, s.map_frame)
             convert.set_pose(message.pose.pose, pose)
@@ -132,7 +132,7 @@ class StandInTopics:
         return True
 
     def _has_moved(self, pose: Pose) -> bool:
-        said = self._amcl_said
+        said = self._amcl_published
         if said is None:
             return True
         turned = abs(math.remainder(pose.yaw - said.yaw, math.tau))
