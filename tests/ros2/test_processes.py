@@ -113,7 +113,8 @@ async def test_the_doctor_sees_an_empty_domain(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("command", [["ros2-demo"], ["robot", "--robot", "ros2"]])
 def test_a_machine_without_a_compiler_is_told_what_to_install(tmp_path: Path, command: list[str]) -> None:
-    robot = Robot(tmp_path, {"CC": "no-compiler"})
+    # Nothing was generated yet: else no compiler would be needed.
+    robot = Robot(tmp_path, {"CC": "no-compiler", "XDG_CACHE_HOME": str(tmp_path / "cache")})
     done = subprocess.run(
         robot.command(*command), env=robot.variables, text=True, capture_output=True, timeout=PATIENCE_S
     )
