@@ -206,7 +206,7 @@ def _robot(settings: config.Settings, options: argparse.Namespace) -> int:
 
 
 def _ros2_demo(settings: config.Settings, _options: argparse.Namespace) -> int:
-    from backend.mcp_robot.ros2.start_demo import serve
+    from backend.mcp_robot.ros2.demo.start import serve
 
     return _until_signal(serve(settings))
 

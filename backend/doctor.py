@@ -25,7 +25,7 @@ async def run(settings: Settings) -> int:
     for finding in findings:
         print(finding)
     if settings.robot.kind == "ros2":
-        from backend.mcp_robot.ros2.doctor import examine
+        from backend.mcp_robot.ros2.diagnosis import examine
 
         for finding in await examine(settings):
             findings.append(finding)

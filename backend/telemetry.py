@@ -1,4 +1,4 @@
-"""The typed messages that the robot streams to whoever watches it.
+"""The typed messages of the robot's telemetry stream.
 
 One msgpack map a WebSocket frame, tagged by `type`; units are SI, frames follow REP 103 (x forward, y left,
 counter-clockwise positive), times are Unix seconds of the robot's clock. The stream is latest-value: a slow
@@ -38,7 +38,7 @@ class Twist(msgspec.Struct, frozen=True):
 
 class Battery(msgspec.Struct, frozen=True):
     """`level` from 0 to 1; `charging` while the robot stands at its dock; `floor` the level below which only a dock
-    can be driven to, None where nobody says."""
+    can be driven to, None where it is not known."""
 
     level: float
     charging: bool
@@ -53,8 +53,8 @@ class Stop(msgspec.Struct, frozen=True):
 
 
 class Halt(msgspec.Struct, frozen=True):
-    """A motion that ended by itself for safety's sake, and not because anybody wanted it: the stable code, the sentence
-    for people, and when (Unix seconds). docs/safety.md has the codes."""
+    """A motion that the safety rules ended, and no person: the stable code, the sentence for people, and when (Unix
+    seconds). docs/safety.md has the codes."""
 
     code: str
     text: str
@@ -142,7 +142,7 @@ class Map(Message, frozen=True, tag="map"):
 
 
 class Speech(Message, frozen=True, tag="speech"):
-    """A sentence that the robot began to say aloud, and how long that takes in s."""
+    """A sentence that the robot began to say aloud, and its duration in s."""
 
     time: float
     text: str
@@ -150,7 +150,7 @@ class Speech(Message, frozen=True, tag="speech"):
 
 
 class Picture(Message, frozen=True, tag="camera"):
-    """What the camera sees, as JPEG, and where it was taken; at most five a second, while somebody wants them."""
+    """A camera picture as JPEG and the robot's pose when it was taken; at most five a second, only while subscribed."""
 
     time: float
     pose: Pose
@@ -169,7 +169,7 @@ class Hello(Message, frozen=True, tag="hello"):
 
 class Subscribe(msgspec.Struct, frozen=True, tag_field="type", tag="subscribe"):
     """The one message a reader sends: the channels it wants and, for `state`, `scan` and `camera`, at most how many a
-    second. It may be sent again at any time and replaces what was asked before."""
+    second. It may be sent again at any time and replaces the subscription before."""
 
     channels: list[Channel]
     rate: float = 20.0
@@ -194,5 +194,5 @@ def decode(frame: bytes) -> AnyMessage:
 
 
 def decode_subscribe(frame: bytes) -> Subscribe:
-    """What a reader asks for. Raises `msgspec.ValidationError` or `msgspec.DecodeError`."""
+    """The subscription in a frame. Raises `msgspec.ValidationError` or `msgspec.DecodeError`."""
     return _subscribe_decoder.decode(frame)

@@ -30,7 +30,7 @@ sys.path.insert(0, str(ROOT))
 from backend import telemetry  # noqa: E402
 from backend.config import Limits, Simulator  # noqa: E402
 from backend.mcp_robot.navigation import planner  # noqa: E402
-from backend.mcp_robot.simulator import camera, world  # noqa: E402
+from backend.mcp_robot.simulator import renderer, world  # noqa: E402
 from backend.mcp_robot.simulator.laser import Laser  # noqa: E402
 from backend.mcp_robot.simulator.simulation import PLANNING_RADIUS, Simulation  # noqa: E402
 from backend.mcp_robot.simulator.world import World  # noqa: E402
@@ -89,7 +89,7 @@ def photographing(building: World, name: str, runs: int) -> None:
     took: list[float] = []
     for x, y in free_points(building, generator, runs):
         began = time.process_time()
-        camera.photograph(building, Pose(x, y, generator.uniform(-np.pi, np.pi)), people)
+        renderer.photograph(building, Pose(x, y, generator.uniform(-np.pi, np.pi)), people)
         took.append(time.process_time() - began)
     report(f"picture, {name}", took)
 

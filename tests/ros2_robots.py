@@ -1,4 +1,4 @@
-"""A ROS 2 robot for tests: the stand-in in a process of its own, on a ROS domain that nobody else uses."""
+"""A ROS 2 robot for tests: the stand-in in a process of its own, on a ROS domain of its own."""
 
 from __future__ import annotations
 
@@ -15,21 +15,32 @@ from pathlib import Path
 
 import pytest
 
+from backend.mcp_robot.ros2.waiting import Waits
 from tests.processes import PATIENCE_S, Robot, end
 
 UNFIT = None if importlib.util.find_spec("rclpy") else "rclpy cannot be imported: install the extra ros2"
 needs_ros2 = pytest.mark.skipif(UNFIT is not None, reason=UNFIT or "")
 
 FIRST_DOMAIN, DOMAINS = 10, 90
-"""Of the domains whose ports lie below those that a system gives out."""
+"""The domains whose ports lie below those that a system gives out."""
 _taken: set[int] = set()
+
+
+def own_domains() -> range:
+    """The domains of this process: pytest-xdist's workers divide them, because a domain that two of them probe at the
+    same time looks free to both."""
+    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+    workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+    share = DOMAINS // workers
+    return range(FIRST_DOMAIN + worker * share, FIRST_DOMAIN + (worker + 1) * share)
 
 
 def free_domain() -> int:
     """A ROS domain without participants on this machine, and not given out before."""
-    begin = os.getpid()
-    for step in range(DOMAINS):
-        domain = FIRST_DOMAIN + (begin + step) % DOMAINS
+    domains = own_domains()
+    begin = os.getpid()  # another run on this machine begins elsewhere
+    for step in range(len(domains)):
+        domain = domains[(begin + step) % len(domains)]
         if domain not in _taken and _is_free(7410 + 250 * domain):
             _taken.add(domain)
             return domain
@@ -55,29 +66,10 @@ VARIABLES = {
     "ROBOT_ACP_ROBOT__LIMITS__POSE_TIMEOUT": "10",
     "ROBOT_ACP_ROBOT__LIMITS__CLIENT_SILENCE": "30",
 }
-"""Likewise for commands; and limits that a machine that stands for some seconds does not reach."""
+"""The same for commands; and limits that a machine that stands for some seconds does not reach."""
 
-
-@contextlib.contextmanager
-def patience(data_dir: Path) -> Iterator[None]:
-    """While inside, robot servers of this process wait for what is slow, as long as a test waits for anything."""
-    from backend.mcp_robot.ros2 import interfaces
-
-    interfaces.provide(data_dir, "kilted")
-    from backend.mcp_robot.ros2 import brake, ros2_robot
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ros2_robot, "START_LIMIT", 0.8 * PATIENCE_S)
-        patch.setattr(brake, "PATIENCE", PATIENCE_S)
-        yield
-
-
-def share_interfaces(data_dir: Path, cache: pytest.Cache) -> None:
-    """Let a data folder use the interfaces that an earlier test has generated."""
-    data_dir.mkdir(parents=True, exist_ok=True)
-    link = data_dir / "ros2"
-    if not link.exists():
-        link.symlink_to(cache.mkdir("robot-acp-ros2"), target_is_directory=True)
+WAITS = Waits(start=0.8 * PATIENCE_S, halted_goal=PATIENCE_S)
+"""A robot server in a test waits for slow parts as long as a test waits for anything."""
 
 
 @dataclass
@@ -92,15 +84,9 @@ class StandIn:
 class StandIns:
     """Stand-ins in processes of their own, the next one of a kind started while a test uses the one before."""
 
-    def __init__(self, data_dir: Path, cache: pytest.Cache) -> None:
+    def __init__(self, data_dir: Path) -> None:
         self._data_dir = data_dir
-        self._cache = cache
         self._ready: dict[tuple[str, ...], list[StandIn]] = {}  # how they were started -> those that wait
-        self.share(data_dir)
-
-    def share(self, data_dir: Path) -> None:
-        """Let a data folder use the interfaces that were generated already."""
-        share_interfaces(data_dir, self._cache)
 
     @contextlib.contextmanager
     def one(self, *arguments: str) -> Iterator[StandIn]:

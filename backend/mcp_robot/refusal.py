@@ -1,7 +1,7 @@
-"""Why the robot did not do what was asked: a stable code and a sentence to act on.
+"""Why the robot refuses or ends a motion: a stable code for programs and a sentence for people.
 
-The code is for programs and never changes its meaning; the sentence is for a person or an LLM. Nothing in it may
-reveal a path, a token or a stack. docs/safety.md has the table of all codes, and a test holds the two together.
+A code never changes its meaning. The sentence tells a person or an LLM what to do next; it must never reveal a file
+path, a token or a stack trace. docs/safety.md has the table of all codes, and a test compares the two.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Literal
 
 Code = Literal[
-    # What was asked for
+    # The request itself is wrong.
     "bad_arguments",
     "not_finite",
     "too_long",
@@ -19,19 +19,19 @@ Code = Literal[
     "occupied",
     "keep_out",
     "unreachable",
-    # When it was asked
+    # It cannot be done now.
     "stopped",
     "busy",
     "battery_low",
     "too_often",
     "no_sign_of_life",
-    # On the way
+    # It ended on the way.
     "blocked",
     "too_fast",
     "lost",
     "blind",
     "silent",
-    # What the robot's own parts answer, or do not
+    # A part of the robot failed or did not answer.
     "nav_unavailable",
     "nav_failed",
     "goal_rejected",
@@ -52,4 +52,4 @@ class Refusal(Exception):
 
 
 class Halted(Exception):
-    """What was under way ended early because `Robot.halt` or `Robot.hush` was called."""
+    """A motion or speech ended early because `Robot.halt` or `Robot.hush` was called."""

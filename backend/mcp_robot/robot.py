@@ -1,9 +1,9 @@
-"""The seam between the robot and everything that is said about it: a small protocol that a backend implements.
+"""The interface to a robot: a small protocol that each kind of robot implements.
 
-The simulator is one; a ROS 2 adapter maps it to localisation, Nav2 and topics. Tools, safety, telemetry and stop
-stand above it and are written once. A backend moves only when told to by `drive` or `turn`, keeps its own limits and
-protective stop, and trusts that its caller has checked the goal. SI units; the map frame and the robot's frame follow
-REP 103 (x forward, y left, counter-clockwise positive).
+The simulator is one kind; the ROS 2 adapter is the other, on top of localisation, Nav2 and topics. Tools, safety,
+telemetry and stop stand above this interface and are written once. A robot moves only when `drive` or `turn` asks for
+it, keeps its own limits and its own protective stop, and trusts that its caller has checked the goal. Units are SI;
+axes and signs follow REP 103 (x forward, y left, counter-clockwise positive), and the map frame REP 105.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ PlaceKind = Literal["space", "docking"]
 
 @dataclass(frozen=True)
 class TopologicalMap:
-    """Places that people name, and which of them are joined by a way, as pairs of ids."""
+    """The places that have a name, and as pairs of their ids, which of them are joined by a direct way."""
 
     frame_id: str
     places: tuple[Place, ...]
@@ -28,7 +28,8 @@ class TopologicalMap:
 
 @dataclass(frozen=True)
 class Fix:
-    """Where the robot believes it is: `stamp` on the robot's clock (Unix seconds), `source` what says so."""
+    """Where the robot believes it is; `stamp` is on the robot's clock (Unix seconds), `source` names what determined
+    it."""
 
     pose: Pose
     stamp: float
@@ -41,7 +42,7 @@ NOWHERE = Fix(Pose(0.0, 0.0, 0.0), 0.0, "unknown")
 
 @dataclass(frozen=True)
 class Velocity:
-    """How the robot moved when that was measured: `stamp` on the robot's clock (Unix seconds)."""
+    """A measured velocity: `stamp` is the time of the measurement on the robot's clock (Unix seconds)."""
 
     twist: Twist
     stamp: float
@@ -49,8 +50,8 @@ class Velocity:
 
 @dataclass(frozen=True)
 class Route:
-    """A way to a goal: points in the map frame from the robot to the goal, its `length` in m and how long it will
-    take in s. `final_yaw` says whether the goal's yaw is to be taken up, or any will do."""
+    """A path to a goal: points in the map frame from the robot to the goal, in m; its `length` in m and its expected
+    duration in s. With `final_yaw` the robot turns to the goal's yaw at the end; without, any yaw will do."""
 
     points: tuple[tuple[float, float], ...]
     length: float
@@ -70,7 +71,7 @@ class Remaining:
 
 @dataclass(frozen=True)
 class Picture:
-    """A camera picture as JPEG, and where it was taken."""
+    """A camera picture as JPEG, its size in pixels, and the robot's pose when it was taken."""
 
     jpeg: bytes
     width: int
@@ -80,7 +81,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Sound:
-    """Speech as WAV, its length in s, and whether there is anything to hear in it."""
+    """Speech as WAV and its length in s; `audible` is false for silence."""
 
     wav: bytes
     seconds: float
@@ -88,77 +89,78 @@ class Sound:
 
 
 class Robot(Protocol):
-    """One robot. Properties answer at once with the latest value; nothing here blocks the event loop."""
+    """One robot. Properties return the latest value at once; nothing here blocks the event loop."""
 
     @property
     def name(self) -> str:
-        """What people call it."""
+        """The robot's name."""
 
     @property
     def footprint_radius(self) -> float:
-        """Radius of the circle that encloses it, in m."""
+        """Radius in m of the circle that encloses the robot, around the point that it turns about."""
 
     def clock(self) -> float:
-        """The robot's time, in Unix seconds. A simulated robot's may run faster than the wall's."""
+        """The robot's time, in Unix seconds. A simulated robot's time may pass faster than the wall's."""
 
     @property
     def fix(self) -> Fix:
-        """Where it is; `NOWHERE` until it knows."""
+        """Where the robot is in the map; `NOWHERE` until it knows."""
 
     @property
     def velocity(self) -> Velocity:
-        """How it moves, as measured last."""
+        """The latest measured velocity."""
 
     @property
     def battery(self) -> Battery:
-        """How long it can."""
+        """The charge of the battery, and whether it is charging."""
 
     @property
     def grid(self) -> OccupancyGrid:
-        """The map that it moves in. Raises `Refusal` (no_map) while there is none."""
+        """The map that the robot moves in. Raises `Refusal` (no_map) while it has none."""
 
     @property
     def places(self) -> TopologicalMap:
-        """The names in that map."""
+        """The named places of that map."""
 
     @property
     def remaining(self) -> Remaining | None:
-        """What is left of the motion under way, None when there is none."""
+        """What is left of the motion under way; None when the robot has none."""
 
     @property
     def odometer(self) -> float:
-        """Metres driven since it was switched on."""
+        """Metres driven since the robot was switched on."""
 
     def scan(self) -> Scan:
         """The latest laser scan."""
 
     async def plan(self, goal: Pose, *, final_yaw: bool) -> Route:
-        """A way to `goal` from where it is. Moves nothing. Raises `Refusal` (unreachable)."""
+        """Plan a path from the robot's pose to `goal`. Moves nothing. Raises `Refusal` (unreachable)."""
 
     async def drive(self, route: Route) -> None:
-        """Drive along a route; returns at its end, at rest. Raises `Refusal` (blocked) or `Halted`, at rest both.
+        """Drive along a route; returns at its end. Raises `Refusal` (blocked) or `Halted`. In each case the robot is at
+        rest.
 
-        Cancelling the task that waits here does not stop the robot: whoever cancels calls `halt`.
+        Cancelling the task that waits here does not stop the robot: the caller that cancels has to call `halt`.
         """
 
     async def turn(self, angle: float) -> None:
         """Turn on the spot by `angle` rad, counter-clockwise positive. Ends like `drive`."""
 
     def halt(self) -> None:
-        """Brake at once, as hard as the limits allow. Returns immediately and cannot fail; `drive` and `turn` end
+        """Brake at once, as hard as the limits allow. Returns immediately and does not raise; `drive` and `turn` end
         with `Halted` once the robot is at rest."""
 
     def hold(self, held: bool) -> None:
-        """While held, keep it at rest, against other commanders too where there are any. Returns immediately."""
+        """While `held`, keep the robot at rest, also against other programs that command it. Returns immediately."""
 
     async def photo(self) -> Picture:
-        """What the camera sees. Raises `Refusal` (no_camera)."""
+        """A picture from the camera, taken now. Raises `Refusal` (no_camera)."""
 
     async def synthesize(self, text: str) -> Sound:
-        """The sound of a text; says nothing yet."""
+        """The sound of a text. Plays nothing."""
 
     async def say(self, text: str, sound: Sound) -> None:
-        """Say it aloud; returns when it is said. Raises `Halted` after `hush`, or `Refusal` (no_voice)."""
+        """Say a text aloud; returns when the sound has ended. Raises `Halted` after `hush`, or `Refusal` (no_voice)."""
 
     def hush(self) -> None:
         """Stop speaking at once."""

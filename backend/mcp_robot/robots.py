@@ -1,4 +1,4 @@
-"""Which robot the settings ask for, made and ready to be run. The only place that knows of more than one kind."""
+"""Builds the robot that the settings ask for. The only file that knows more than one kind of robot."""
 
 from __future__ import annotations
 
@@ -12,24 +12,25 @@ from backend.config import Settings
 from backend.mcp_robot.motion import keep_out
 from backend.mcp_robot.navigation.grid import Floats
 from backend.mcp_robot.robot import Robot, TopologicalMap
+from backend.mcp_robot.ros2.waiting import Waits
 from backend.mcp_robot.simulator import world
 from backend.mcp_robot.simulator.simulated_robot import SimulatedRobot
 from backend.telemetry import Zone
 
 
 class RunningRobot(Robot, Protocol):
-    """A robot that lives while its context is open, and tells when a drive takes another way."""
+    """A robot that has to be run, and calls `on_reroute` with the new path when a drive takes another one."""
 
     on_reroute: Callable[[Floats], None]
 
     def running(self) -> contextlib.AbstractAsyncContextManager[None]:
-        """Let it live while inside."""
+        """Run the robot while inside."""
 
 
 def build(settings: Settings) -> tuple[RunningRobot, list[Zone]]:
     """The robot, and the zones that it must keep out of. Raises `WorldError` or `Ros2Missing`."""
     if settings.robot.kind == "ros2":
-        return _ros2(settings)
+        return ros2(settings)
     place = world.load(settings.robot.world)
     zones = [*place.zones, *_zones(settings)]
     return simulated(settings, place, zones), zones
@@ -50,23 +51,27 @@ def simulated(settings: Settings, place: world.World | None = None, zones: Seque
     )
 
 
-def _ros2(settings: Settings) -> tuple[RunningRobot, list[Zone]]:
+def ros2(settings: Settings, waits: Waits | None = None) -> tuple[RunningRobot, list[Zone]]:
+    """The ROS 2 adapter and its zones; `waits` as in the module `waiting`. Raises `WorldError` or `Ros2Missing`.
+
+    ROS is imported only here, because most machines have none.
+    """
     from backend.mcp_robot.ros2 import interfaces
 
-    ros2, robot = settings.robot.ros2, settings.robot
+    ros, robot = settings.robot.ros2, settings.robot
     zones = _zones(settings)
-    places = TopologicalMap(ros2.map_frame, (), ())
-    if ros2.demo:
-        ros2 = ros2.model_copy(update={"use_sim_time": True})
+    places = TopologicalMap(ros.map_frame, (), ())
+    if ros.demo:
+        ros = ros.model_copy(update={"use_sim_time": True})
         os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         place = world.load(robot.world)
         places, zones = place.places, [*place.zones, *zones]
-    if ros2.places:
-        places = world.names(Path(ros2.places).expanduser())
-    interfaces.provide(settings.data_dir, ros2.distro)
+    if ros.places:
+        places = world.names(Path(ros.places).expanduser())
+    interfaces.provide(settings.data_dir, ros.distro)
     from backend.mcp_robot.ros2.ros2_robot import Ros2Robot
 
-    return Ros2Robot(ros2, robot.limits, name=robot.name, places=places, zones=zones), zones
+    return Ros2Robot(ros, robot.limits, name=robot.name, places=places, zones=zones, waits=waits), zones
 
 
 def _zones(settings: Settings) -> list[Zone]:

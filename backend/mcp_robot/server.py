@@ -17,30 +17,37 @@ from starlette.applications import Starlette
 
 from backend import config, identity
 from backend.config import Settings
-from backend.mcp_robot import robots
-from backend.mcp_robot.http.app import create_app
+from backend.mcp_robot import robots, stdio_transport
+from backend.mcp_robot.http.routes import create_app
 from backend.mcp_robot.motion.pilot import Pilot
 from backend.mcp_robot.motion.stop import StopLatch
 from backend.mcp_robot.tools import catalogue
-from backend.mcp_robot.tools import stdio as stdio_transport
 from backend.sockets import notice_loss
+from backend.telemetry import Zone
 
 logger = logging.getLogger(__name__)
 
 SEND_BUFFER = 128 * 1024
-"""Bytes the kernel may hold for one connection: what lies there can no longer be replaced by something newer."""
+"""Bytes that the kernel may buffer for one connection. Telemetry in that buffer can no longer be replaced by newer."""
 GRACE = 2
-"""Seconds that open connections get at the end."""
+"""Seconds that open connections have to end when the server shuts down."""
 
 
-async def serve(settings: Settings, *, stdio: bool = False, on_ready: Callable[[int], None] | None = None) -> None:
+async def serve(
+    settings: Settings,
+    *,
+    stdio: bool = False,
+    on_ready: Callable[[int], None] | None = None,
+    built: tuple[robots.RunningRobot, list[Zone]] | None = None,
+) -> None:
     """Run the robot server until cancelled, signalled, or, with `stdio`, until standard input ends.
 
-    `on_ready` is called with the port once it answers. Raises `WorldError` for a world that cannot be used,
+    `on_ready` is called with the port once it answers. `built` is the robot and its keep-out zones, where the caller
+    has built them already; else the settings say which. Raises `WorldError` for a world that cannot be used,
     `Ros2Missing` where ROS 2 cannot be used, and `OSError` for an address that cannot be had.
     """
     robot_settings = settings.robot
-    robot, zones = robots.build(settings)
+    robot, zones = built or robots.build(settings)
     pilot = Pilot(robot, StopLatch(settings.data_dir), robot_settings.limits, zones)
     robot.on_reroute = pilot.rerouted
     mcp = catalogue.build(pilot)
@@ -66,7 +73,7 @@ async def serve(settings: Settings, *, stdio: bool = False, on_ready: Callable[[
 
 
 class _Http(uvicorn.Server):
-    """uvicorn, which tells when it answers, and brakes the robot before it waits for open connections to end."""
+    """uvicorn, which reports when it answers, and brakes the robot before it waits for open connections to end."""
 
     def __init__(self, app: Starlette, pilot: Pilot, on_ready: Callable[[int], None] | None) -> None:
         super().__init__(

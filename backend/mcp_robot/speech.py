@@ -1,7 +1,6 @@
-"""Speech as sound: espeak-ng where it is installed, silence of fitting length where not.
+"""Speech as sound: by espeak-ng where it is installed, else silence of fitting length.
 
-The text goes to espeak-ng on its standard input, never on its command line. Any backend without a voice of its own can
-use this.
+The text goes to espeak-ng on its standard input, never on its command line. Nothing here plays a sound.
 """
 
 from __future__ import annotations
@@ -16,8 +15,13 @@ from tempfile import TemporaryDirectory
 from backend.mcp_robot.robot import Sound
 
 CHARS_PER_SECOND = 15.0
+"""About what espeak-ng says at its usual speed."""
+SHORTEST = 0.5
+"""Seconds that even a short word takes."""
 _SILENCE_RATE = 8000
+"""Samples a second of a silent WAV."""
 _TIME_LIMIT = 20.0
+"""Seconds after which espeak-ng has failed."""
 
 
 async def synthesize(text: str) -> Sound:
@@ -28,15 +32,15 @@ async def synthesize(text: str) -> Sound:
 
 
 def silence(text: str) -> Sound:
-    """As long as saying the text would take."""
-    seconds = max(0.5, len(text) / CHARS_PER_SECOND)
+    """Silence as long as saying the text would take. It is whole samples long, so that its length is exact."""
+    samples = round(max(SHORTEST, len(text) / CHARS_PER_SECOND) * _SILENCE_RATE)
     buffer = io.BytesIO()
     with wave.open(buffer, "wb") as file:
         file.setnchannels(1)
         file.setsampwidth(2)
         file.setframerate(_SILENCE_RATE)
-        file.writeframes(bytes(2 * round(seconds * _SILENCE_RATE)))
-    return Sound(buffer.getvalue(), seconds, audible=False)
+        file.writeframes(bytes(2 * samples))
+    return Sound(buffer.getvalue(), samples / _SILENCE_RATE, audible=False)
 
 
 async def _espeak(program: str, text: str) -> Sound | None:

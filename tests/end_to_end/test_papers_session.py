@@ -17,7 +17,7 @@ from playwright.async_api import Page, expect
 from tests.end_to_end.conftest import Opener, Up, start
 from tests.end_to_end.terminal import Terminal
 from tests.processes import Client, Robot, Watched, end, eventually
-from tests.ros2_robots import needs_ros2, share_interfaces
+from tests.ros2_robots import needs_ros2
 
 BRAKES_WITHIN = 0.5
 """m: it brakes on 0.05 m; the rest is for the time between two of its states. It would have driven on for metres."""
@@ -30,9 +30,6 @@ ROS2 = ("--robot", "ros2", "--ros2-demo")
 def up(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
     """What a person starts, with no flag or with those of ROS 2."""
     data = tmp_path_factory.mktemp("data")
-    assert request.config.cache is not None
-    if request.param:
-        share_interfaces(data, request.config.cache)
     # A machine that tests many things at once may stall for longer than a robot's computer ever should.
     patient = {"ROBOT_ACP_ROBOT__LIMITS__POSE_TIMEOUT": "5"}
     running = start(Robot(data, patient), *request.param)

@@ -17,10 +17,11 @@ from mcp.shared._httpx_utils import create_mcp_http_client
 from websockets.asyncio.client import ClientConnection, connect
 
 from backend import config, identity, telemetry
-from backend.mcp_robot import server
+from backend.mcp_robot import robots, server
+from backend.mcp_robot.ros2.waiting import Waits
 from backend.mcp_robot.simulator import world as worlds
 from backend.mcp_robot.simulator.world import World
-from tests.ros2_robots import PATIENT, StandIns, needs_ros2, patience
+from tests.ros2_robots import PATIENT, WAITS, StandIns, needs_ros2
 
 TIME_LIMIT = 30.0
 UNHURRIED = {"pose_timeout": 10.0, "client_silence": 30.0}
@@ -119,9 +120,8 @@ _stand_ins: StandIns | None = None  # set while a test is about the ROS 2 robot
 
 
 @pytest.fixture(scope="session")
-def stand_ins(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[StandIns]:
-    assert request.config.cache is not None
-    stand_ins = StandIns(tmp_path_factory.mktemp("stand-ins"), request.config.cache)
+def stand_ins(tmp_path_factory: pytest.TempPathFactory) -> Iterator[StandIns]:
+    stand_ins = StandIns(tmp_path_factory.mktemp("stand-ins"))
     yield stand_ins
     stand_ins.close()
 
@@ -144,8 +144,7 @@ async def serving(data_dir: Path, **robot: Any) -> AsyncIterator[Served]:
         async with served(data_dir, **robot) as answering:
             yield answering
         return
-    _stand_ins.share(data_dir)
-    with _stand_ins.one("--time-scale", str(robot.get("time_scale", 20.0))) as stand_in, patience(data_dir):
+    with _stand_ins.one("--time-scale", str(robot.get("time_scale", 20.0))) as stand_in:
         ros2 = PATIENT | {"demo": True, "domain_id": stand_in.domain}
         async with served(data_dir, kind="ros2", ros2=ros2, **robot) as answering:
             yield answering
@@ -161,11 +160,12 @@ async def _is_as_new(robot: Served) -> bool:
 
 
 @contextlib.asynccontextmanager
-async def served(data_dir: Path, **robot: Any) -> AsyncIterator[Served]:
-    """Run `serve` in this process while inside."""
+async def served(data_dir: Path, waits: Waits = WAITS, **robot: Any) -> AsyncIterator[Served]:
+    """Run `serve` in this process while inside; `waits` are those of a ROS 2 robot."""
     settings = config.Settings(data_dir=data_dir, robot=config.Robot(**{"port": 0, "time_scale": 20.0, **robot}))
     ready: asyncio.Future[int] = asyncio.get_running_loop().create_future()
-    task = asyncio.create_task(server.serve(settings, on_ready=ready.set_result))
+    built = robots.ros2(settings, waits) if settings.robot.kind == "ros2" else None
+    task = asyncio.create_task(server.serve(settings, on_ready=ready.set_result, built=built))
     await asyncio.wait({task, ready}, return_when=asyncio.FIRST_COMPLETED, timeout=TIME_LIMIT)
     if task.done():
         task.result()

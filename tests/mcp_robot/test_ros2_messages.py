@@ -13,8 +13,8 @@ import pytest
 from PIL import Image
 
 from backend.mcp_robot.navigation.grid import FREE, OCCUPIED, UNKNOWN
-from backend.mcp_robot.ros2 import convert, definitions, failures
-from backend.mcp_robot.ros2.frames import Frames, Link, compose, inverse
+from backend.mcp_robot.ros2 import convert, failures, interface_definitions
+from backend.mcp_robot.ros2.frames import Frames, Transform, compose, inverse
 from backend.telemetry import Pose
 
 
@@ -28,9 +28,9 @@ def close(a: Pose, b: Pose) -> bool:
 
 def test_a_chain_of_frames_is_composed_and_as_old_as_its_oldest_moving_link() -> None:
     frames = Frames()
-    frames.put("odom", Link("/map", Pose(1.0, 2.0, math.pi / 2), stamp=5.0, arrived=50.0))
-    frames.put("base_link", Link("odom", Pose(3.0, 0.0, 0.0), stamp=4.0, arrived=60.0))
-    frames.put("laser", Link("base_link", Pose(0.2, 0.0, math.pi), stamp=math.inf, arrived=math.inf))
+    frames.put("odom", Transform("/map", Pose(1.0, 2.0, math.pi / 2), stamp=5.0, arrived=50.0))
+    frames.put("base_link", Transform("odom", Pose(3.0, 0.0, 0.0), stamp=4.0, arrived=60.0))
+    frames.put("laser", Transform("base_link", Pose(0.2, 0.0, math.pi), stamp=math.inf, arrived=math.inf))
     found = frames.find("/laser", "map")
     assert found is not None
     assert close(found.pose, Pose(1.0, 5.2, -math.pi / 2))
@@ -39,8 +39,8 @@ def test_a_chain_of_frames_is_composed_and_as_old_as_its_oldest_moving_link() ->
 
 def test_frames_that_nothing_joins_and_frames_in_a_circle_are_not_found() -> None:
     frames = Frames()
-    frames.put("a", Link("b", Pose(0, 0, 0), 0.0, 0.0))
-    frames.put("b", Link("a", Pose(0, 0, 0), 0.0, 0.0))
+    frames.put("a", Transform("b", Pose(0, 0, 0), 0.0, 0.0))
+    frames.put("b", Transform("a", Pose(0, 0, 0), 0.0, 0.0))
     assert frames.find("a", "map") is None
     assert frames.find("base_link", "map") is None
 
@@ -171,7 +171,7 @@ def test_humbles_result_without_a_code_is_a_failure_all_the_same() -> None:
 
 def test_each_distribution_has_the_results_that_it_is_known_for() -> None:
     def result(distro: str) -> str:
-        return definitions.definitions("nav2_msgs", distro)["action/NavigateToPose.action"].split("---\n")[1]
+        return interface_definitions.definitions("nav2_msgs", distro)["action/NavigateToPose.action"].split("---\n")[1]
 
     assert result("humble") == "std_msgs/Empty result\n"
     assert result("jazzy") == "uint16 error_code\n"

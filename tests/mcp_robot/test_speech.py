@@ -1,4 +1,4 @@
-"""Speech is a WAV of known length, with a voice where there is one and silence where not."""
+"""Speech is a WAV of known length: with a voice where espeak-ng is installed, and silence where it is not."""
 
 from __future__ import annotations
 
@@ -8,19 +8,31 @@ import pytest
 
 from backend.mcp_robot import speech
 
-
-async def test_without_espeak_it_is_silence_as_long_as_the_text(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PATH", "")
-    sound = await speech.synthesize("x" * 45)
-    assert not sound.audible
-    assert sound.seconds == pytest.approx(3.0)
-    assert speech.duration(sound.wav) == pytest.approx(3.0, abs=0.01)
+VOICES = ["silence", "espeak-ng"]
+TEXTS = ["The meeting is at noon.", "--help", "-w /dev/null", "<speak>&amp;"]
+"""Texts that a command line or a markup parser would take for something else."""
 
 
-@pytest.mark.skipif(not shutil.which("espeak-ng"), reason="espeak-ng is not installed")
-@pytest.mark.parametrize("text", ["The meeting is at noon.", "--help", "-w /dev/null", "<speak>&amp;"])
-async def test_with_espeak_every_text_is_text(text: str) -> None:
+@pytest.fixture(params=VOICES)
+def audible(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> bool:
+    """Whether this test has a voice; without one espeak-ng is out of reach."""
+    if request.param == "silence":
+        monkeypatch.setenv("PATH", "")
+    elif not shutil.which("espeak-ng"):
+        pytest.skip("espeak-ng is not installed, so that the same text is tested on silence alone")
+    return bool(request.param == "espeak-ng")
+
+
+@pytest.mark.parametrize("text", TEXTS)
+async def test_every_text_is_a_sound_that_lasts_as_long_as_it_says(text: str, audible: bool) -> None:
     sound = await speech.synthesize(text)
-    assert sound.audible
-    assert sound.seconds == pytest.approx(speech.duration(sound.wav))
+    assert sound.audible is audible
+    assert sound.seconds == pytest.approx(speech.duration(sound.wav), abs=1e-6)
     assert 0.1 < sound.seconds < 10
+
+
+@pytest.mark.parametrize("length", [1, 23, 45, 46])
+async def test_silence_lasts_as_long_as_the_text_would(length: int) -> None:
+    sound = speech.silence("x" * length)
+    assert sound.seconds == speech.duration(sound.wav)
+    assert sound.seconds == pytest.approx(max(0.5, length / 15), abs=1e-3)

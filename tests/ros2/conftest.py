@@ -10,8 +10,9 @@ from typing import Any
 
 import pytest
 
+from backend.mcp_robot.ros2.waiting import Waits
 from tests.mcp_robot.conftest import UNHURRIED, Served, served
-from tests.ros2_robots import PATIENT, UNFIT, StandIn, StandIns, patience
+from tests.ros2_robots import PATIENT, UNFIT, WAITS, StandIn, StandIns
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -21,19 +22,19 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.fixture(scope="session")
-def stand_ins(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[StandIns]:
-    assert request.config.cache is not None
-    stand_ins = StandIns(tmp_path_factory.mktemp("stand-ins"), request.config.cache)
+def stand_ins(tmp_path_factory: pytest.TempPathFactory) -> Iterator[StandIns]:
+    stand_ins = StandIns(tmp_path_factory.mktemp("stand-ins"))
     yield stand_ins
     stand_ins.close()
 
 
 @pytest.fixture
-def interfaces(stand_ins: StandIns, tmp_path: Path) -> Iterator[Path]:
-    """A data folder with ROS interfaces, which this process can import."""
-    stand_ins.share(tmp_path)
-    with patience(tmp_path):
-        yield tmp_path
+def interfaces(tmp_path: Path) -> Path:
+    """A data folder; this process can import the ROS interfaces."""
+    from backend.mcp_robot.ros2 import interfaces
+
+    interfaces.provide(tmp_path, "kilted")
+    return tmp_path
 
 
 @pytest.fixture
@@ -58,9 +59,12 @@ class Setting:
         self.domain = stand_in.domain
 
     @contextlib.asynccontextmanager
-    async def served(self, *, limits: dict[str, Any] | None = None, **ros2: Any) -> AsyncIterator[Served]:
+    async def served(
+        self, *, limits: dict[str, Any] | None = None, waits: Waits = WAITS, **ros2: Any
+    ) -> AsyncIterator[Served]:
         settings = PATIENT | {"demo": True, "domain_id": self.domain} | ros2
-        async with served(self.data, kind="ros2", ros2=settings, limits=UNHURRIED | (limits or {})) as robot:
+        limits = UNHURRIED | (limits or {})
+        async with served(self.data, waits=waits, kind="ros2", ros2=settings, limits=limits) as robot:
             yield robot
 
 
@@ -74,9 +78,9 @@ def real_time(stand_ins: StandIns, interfaces: Path) -> Iterator[Setting]:
 @contextlib.asynccontextmanager
 async def node(domain: int, name: str = "somebody_else") -> AsyncIterator[Any]:
     """Another ROS node on the same domain; entities are made inside, before its thread starts."""
-    from backend.mcp_robot.ros2.link import RosLink
+    from backend.mcp_robot.ros2.ros_thread import RosThread
 
-    link = RosLink(name, domain)
+    link = RosThread(name, domain)
     try:
         yield link
     finally:

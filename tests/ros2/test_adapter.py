@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -13,6 +14,7 @@ from backend.telemetry import Pose
 from tests.mcp_robot.tools.test_tools import apart, call, refused
 from tests.processes import eventually
 from tests.ros2.conftest import Setting, node
+from tests.ros2_robots import WAITS
 
 Never = Callable[..., None]
 LAB = Pose(11.8, 4.0, -1.57)
@@ -185,20 +187,15 @@ async def test_a_server_that_is_missing_is_told(real_time: Setting, never: Never
         assert (await call(client, "get_robot_status"))["mode"] == "idle"
 
 
-async def test_a_server_that_accepts_and_then_says_nothing_ends_with_a_timeout(
-    real_time: Setting, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_server_that_accepts_and_then_says_nothing_ends_with_a_timeout(real_time: Setting) -> None:
     from nav2_msgs.action import Spin
     from rclpy.action import ActionServer
 
-    from backend.mcp_robot.ros2 import brake, ros2_robot
-
-    monkeypatch.setattr(ros2_robot, "SILENCE", 1.0)
-    monkeypatch.setattr(brake, "PATIENCE", 1.0)  # its goal never ends
+    waits = replace(WAITS, silence=1.0, halted_goal=1.0)  # its goal never ends
     async with node(real_time.domain) as link:
         ActionServer(link.node, Spin, "mute", lambda _: Spin.Result(), handle_accepted_callback=lambda _: None)
         link.open()
-        async with real_time.served(spin="mute") as robot, robot.mcp() as client:
+        async with real_time.served(waits=waits, spin="mute") as robot, robot.mcp() as client:
             text = await refused(client, "rotate_in_place", degrees=10)
             assert text == "timeout: mute has said nothing for 1 s. Look at its log, then try again."
 
@@ -289,12 +286,9 @@ async def test_a_robot_without_a_laser_does_not_drive(real_time: Setting) -> Non
         assert text.startswith("blind: The laser has no readings")
 
 
-async def test_a_robot_without_a_map_says_so(real_time: Setting, monkeypatch: pytest.MonkeyPatch) -> None:
-    from backend.mcp_robot.ros2 import ros2_robot
-
-    monkeypatch.setattr(ros2_robot, "START_LIMIT", 1.0)
+async def test_a_robot_without_a_map_says_so(real_time: Setting) -> None:
     async with (
-        real_time.served(map="no/map") as robot,
+        real_time.served(waits=replace(WAITS, start=1.0), map="no/map") as robot,
         robot.mcp() as client,
         robot.telemetry("state", "map") as reader,
     ):
@@ -341,13 +335,8 @@ async def test_a_robot_that_falls_silent_is_known_to_be_old_and_does_not_move(
         await reader.state(lambda s: s.twist.linear == 0 and s.motion is None)
 
 
-async def test_a_battery_that_falls_silent_counts_as_empty(
-    real_time: Setting, stand_ins: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from backend.mcp_robot.ros2 import ros2_robot
-
-    monkeypatch.setattr(ros2_robot, "BATTERY_TIMEOUT", 1.0)
-    async with real_time.served() as robot, robot.telemetry("state") as reader:
+async def test_a_battery_that_falls_silent_counts_as_empty(real_time: Setting, stand_ins: Any) -> None:
+    async with real_time.served(waits=replace(WAITS, battery=1.0)) as robot, robot.telemetry("state") as reader:
         await reader.state(lambda s: s.battery.level > 0.5)
         with stand_ins.frozen(real_time.stand_in):
             await reader.state(lambda s: s.battery.level == 0)

@@ -7,7 +7,7 @@ import contextlib
 import threading
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -15,6 +15,7 @@ import pytest
 from tests.mcp_robot.tools.test_tools import refused
 from tests.processes import PATIENCE_S, eventually
 from tests.ros2.conftest import Setting, node
+from tests.ros2_robots import WAITS
 
 SILENT = "timeout: stubborn has said nothing"
 UNFINISHED = "timeout: stubborn does not end the motion that was halted"
@@ -43,17 +44,10 @@ class Stubborn:
         self._link.submit(self.goals[0].execute)
 
 
-@pytest.fixture
-def hurried(interfaces: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from backend.mcp_robot.ros2 import brake, ros2_robot
-
-    monkeypatch.setattr(ros2_robot, "SILENCE", 0.5)
-    monkeypatch.setattr(brake, "PATIENCE", 1.0)
+HURRIED = replace(WAITS, silence=0.5, halted_goal=1.0)
 
 
-async def test_it_brakes_until_the_halted_motion_has_ended_and_begins_no_other(
-    real_time: Setting, hurried: None
-) -> None:
+async def test_it_brakes_until_the_halted_motion_has_ended_and_begins_no_other(real_time: Setting) -> None:
     from geometry_msgs.msg import TwistStamped
 
     zeros: list[Any] = []
@@ -61,7 +55,7 @@ async def test_it_brakes_until_the_halted_motion_has_ended_and_begins_no_other(
         stubborn = Stubborn(link)
         link.node.create_subscription(TwistStamped, "cmd_vel_nav", zeros.append, 1)
         link.open()
-        async with real_time.served(spin="stubborn", compute_path="") as robot, robot.mcp() as client:
+        async with real_time.served(waits=HURRIED, spin="stubborn", compute_path="") as robot, robot.mcp() as client:
             assert (await refused(client, "rotate_in_place", degrees=10)).startswith(SILENT)
             assert (await refused(client, "rotate_in_place", degrees=10)).startswith(UNFINISHED)
             assert (await refused(client, "navigate_to_place", place="reception")).startswith(UNFINISHED)
@@ -73,10 +67,10 @@ async def test_it_brakes_until_the_halted_motion_has_ended_and_begins_no_other(
 
 
 async def test_a_server_that_was_restarted_knows_nothing_of_the_halted_motion(
-    real_time: Setting, hurried: None, never: Callable[..., None]
+    real_time: Setting, never: Callable[..., None]
 ) -> None:
     never("the action stubborn")  # before the robot server has begun
-    async with real_time.served(spin="stubborn") as robot, robot.mcp() as client:
+    async with real_time.served(waits=HURRIED, spin="stubborn") as robot, robot.mcp() as client:
         async with node(real_time.domain) as link:
             killed = Stubborn(link)
             link.open()

@@ -20,8 +20,7 @@ def doctor(robot: Robot, *arguments: str) -> tuple[int, str]:
     return done.returncode, done.stdout
 
 
-async def test_up_on_the_stand_in_serves_the_papers_first_prompt_over_tcp(tmp_path: Path, stand_ins: StandIns) -> None:
-    stand_ins.share(tmp_path)
+async def test_up_on_the_stand_in_serves_the_papers_first_prompt_over_tcp(tmp_path: Path) -> None:
     up = start(Robot(tmp_path, dict(VARIABLES)), "--robot", "ros2", "--ros2-demo", "--time-scale", "4")
     try:
         async with asyncio.timeout(90):
@@ -38,11 +37,8 @@ async def test_up_on_the_stand_in_serves_the_papers_first_prompt_over_tcp(tmp_pa
 
 
 @pytest.mark.parametrize("distro", ["humble", "jazzy"])
-async def test_a_robot_of_an_older_distribution_is_driven_and_its_failure_told(
-    tmp_path: Path, stand_ins: StandIns, distro: str
-) -> None:
+async def test_a_robot_of_an_older_distribution_is_driven_and_its_failure_told(tmp_path: Path, distro: str) -> None:
     """Humble's results have no error code, Jazzy's no message to it; both ends speak its interfaces here."""
-    stand_ins.share(tmp_path)
     robot = Robot(
         tmp_path,
         VARIABLES
@@ -82,7 +78,6 @@ async def test_a_robot_of_an_older_distribution_is_driven_and_its_failure_told(
 async def test_the_doctor_finds_all_of_a_running_robot_and_says_what_a_missing_one_lacks(
     tmp_path: Path, stand_ins: StandIns
 ) -> None:
-    stand_ins.share(tmp_path)
     with stand_ins.one("--time-scale", "1.0") as stand_in:
         robot = Robot(tmp_path, {"ROBOT_ACP_ROBOT__ROS2__DOMAIN_ID": str(stand_in.domain)})
         robot.environment |= {"ROBOT_ACP_ROBOT__ROS2__DEMO": "true", "ROBOT_ACP_ROBOT__KIND": "ros2"}
@@ -108,8 +103,7 @@ async def test_the_doctor_finds_all_of_a_running_robot_and_says_what_a_missing_o
     assert "its listeners want geometry_msgs/msg/TwistStamped\n         → Set robot.ros2.cmd_vel_stamped." in told
 
 
-async def test_the_doctor_sees_an_empty_domain(tmp_path: Path, stand_ins: StandIns) -> None:
-    stand_ins.share(tmp_path)
+async def test_the_doctor_sees_an_empty_domain(tmp_path: Path) -> None:
     robot = Robot(tmp_path, {"ROBOT_ACP_ROBOT__ROS2__DOMAIN_ID": str(free_domain())})
     robot.environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     status, told = await asyncio.to_thread(doctor, robot, "--robot", "ros2")
@@ -119,7 +113,8 @@ async def test_the_doctor_sees_an_empty_domain(tmp_path: Path, stand_ins: StandI
 
 @pytest.mark.parametrize("command", [["ros2-demo"], ["robot", "--robot", "ros2"]])
 def test_a_machine_without_a_compiler_is_told_what_to_install(tmp_path: Path, command: list[str]) -> None:
-    robot = Robot(tmp_path, {"CC": "no-compiler"})
+    # Nothing was generated yet: else no compiler would be needed.
+    robot = Robot(tmp_path, {"CC": "no-compiler", "XDG_CACHE_HOME": str(tmp_path / "cache")})
     done = subprocess.run(
         robot.command(*command), env=robot.variables, text=True, capture_output=True, timeout=PATIENCE_S
     )

@@ -10,9 +10,10 @@ from typing import Any
 import pytest
 
 from backend.mcp_robot.robot import Velocity
-from backend.telemetry import Pose
+from backend.telemetry import Pose, Twist
 from tests.processes import eventually
 from tests.ros2.conftest import node
+from tests.ros2.test_brake import busy
 from tests.ros2_robots import free_domain
 
 
@@ -24,11 +25,11 @@ class Spoken:
         from sensor_msgs.msg import BatteryState, LaserScan
 
         from backend.config import Ros2
-        from backend.mcp_robot.ros2.frames import Link
+        from backend.mcp_robot.ros2.frames import Transform
         from backend.mcp_robot.ros2.senses import LATCHED, Senses
 
         self.senses = Senses(link.node, Ros2(), 1.0, ())
-        self.laser_is_at = lambda pose: self.senses.frames.put("laser", Link("base_link", pose, time.time(), 0.0))
+        self.laser_is_at = lambda pose: self.senses.frames.put("laser", Transform("base_link", pose, time.time(), 0.0))
         self.scans = link.node.create_publisher(LaserScan, "scan", 1)
         self.batteries = link.node.create_publisher(BatteryState, "battery_state", 1)
         self.odometry = link.node.create_publisher(Odometry, "odom", 1)
@@ -125,3 +126,32 @@ async def test_a_map_comes_with_its_distances(spoken: Spoken) -> None:
     spoken.maps.publish(message)
     await eventually(lambda: spoken.senses.grid, "the map")
     assert "distance" in vars(spoken.senses.grid)
+
+
+async def test_a_robot_that_stands_is_where_it_came_to_rest_however_many_transforms_wait(interfaces: Path) -> None:
+    from geometry_msgs.msg import TransformStamped
+    from nav_msgs.msg import Odometry
+    from rclpy.duration import Duration
+    from tf2_msgs.msg import TFMessage
+
+    seen: list[tuple[Twist, Pose]] = []
+    async with node(free_domain()) as link:
+        spoken = Spoken(link)
+        senses, frames = spoken.senses, link.node.create_publisher(TFMessage, "/tf", 100)
+        # Made after those of the senses: it is called after them for the same message.
+        link.node.create_subscription(
+            Odometry, "odom", lambda _: seen.append((senses.velocity.twist, senses.fix.pose)), 1
+        )
+        link.open()
+        await eventually(frames.get_subscription_count, "somebody who listens to transforms")
+        await eventually(lambda: spoken.odometry.get_subscription_count() == 2, "both who listen to odometry")
+        with busy(link):
+            for step in range(20):
+                message = TransformStamped(child_frame_id="base_link")
+                message.header.frame_id = "map"
+                message.transform.translation.x, message.transform.rotation.w = step / 100, 1.0
+                frames.publish(TFMessage(transforms=[message]))
+            assert frames.wait_for_all_acked(Duration(seconds=10))
+            spoken.odometry.publish(Odometry())
+        await eventually(lambda: seen, "the odometry")
+        assert seen[0] == (Twist(0.0, 0.0), Pose(0.19, 0.0, 0.0))

@@ -1,8 +1,8 @@
 """The MCP servers that a client brought into one session: their connections, and their tools beside the robot's.
 
-They belong to the session and to this process's memory alone, because their headers can be secrets. Their tools are
-nobody's word on the robot: each carries the name of its server, none takes the place of a tool of the robot, and what
-one may do is `policy`'s business as for any other tool. That a server is away ends no turn.
+They are kept in this process's memory alone, because their headers can be secrets. Their tools say nothing about the
+robot: each carries the name of its server, none replaces a tool of the robot, and the policy decides on their calls as
+on any other. A server that does not answer ends no turn.
 """
 
 from __future__ import annotations
@@ -21,31 +21,31 @@ log = logging.getLogger(__name__)
 
 SEPARATOR = "__"
 MAX_TOOL_NAME_CHARS = 64
-"""What the providers of language models take, of letters, digits, - and _."""
+"""The limit that the providers of language models set, for names of letters, digits, - and _."""
 _UNSAFE = re.compile(r"[^A-Za-z0-9_-]")
 
 
 class ClientServers:
-    """Those of one session; none at first. They are connected to when a turn first wants their tools."""
+    """The servers of one session; none at first. They are connected when a turn first needs their tools."""
 
     def __init__(self) -> None:
         self._servers: dict[str, McpClient] = {}
         self._callers: dict[str, tuple[McpClient, str]] = {}
-        """The name of a tool -> its server, and its name there; made anew with every listing."""
+        """Name of a tool -> its server, and the tool's name there; made anew with every listing."""
         self._away: frozenset[str] = frozenset()
         """The servers that did not answer the last listing."""
         self._told: frozenset[str] = frozenset()
-        """Those of them that people have been told of."""
+        """Those of them that `news` has reported."""
 
     async def take(self, offers: Iterable[Offer]) -> None:
-        """Have these from now on; those before are disconnected, and a call of theirs that runs fails."""
+        """Use these servers from now on. The former ones are disconnected, and their calls under way fail."""
         before = self._servers.values()
         self._servers = {
             offer.name: McpClient(offer.url, offer.headers, absent=f"The MCP server {offer.name} does not answer.")
             for offer in offers
         }
         self._away = self._told = frozenset()
-        # A request that is withdrawn meanwhile must leave no connection behind.
+        # A request that is cancelled meanwhile must leave no connection open.
         await asyncio.shield(asyncio.gather(*(server.close() for server in before)))
 
     async def close(self) -> None:
@@ -73,7 +73,7 @@ class ClientServers:
     async def call(
         self, name: str, arguments: dict[str, Any], on_progress: ProgressCallback | None = None
     ) -> ToolResult:
-        """Run a tool of the last listing to its end. A server that is gone is a result with `failed`."""
+        """Run a tool of the latest listing to its end. A server that is gone is a result with `failed`."""
         server, there = self._callers[name]
         try:
             return await server.call(there, arguments, on_progress)
@@ -81,7 +81,8 @@ class ClientServers:
             return ToolResult(True, [{"type": "text", "text": str(gone)}], None)
 
     def news(self) -> str | None:
-        """What people have not been told yet: whose tools are missing. Each loss is told once."""
+        """A sentence on the servers that have stopped answering since the last call; None for none. Each is reported
+        once."""
         lost = sorted(self._away - self._told)
         self._told = self._away
         if not lost:
@@ -101,7 +102,7 @@ async def _tools(server: McpClient) -> dict[str, Tool] | None:
 
 
 def _as_offered(server: str, tool: Tool) -> Tool:
-    """The tool under a name that says whose it is. Its title template goes: people who are asked must see the
-    arguments, not what a stranger makes of them."""
+    """The tool under a name that begins with its server's. Its title template is dropped: people who are asked for
+    permission must see the arguments, not a text that a foreign server made of them."""
     name = f"{server}{SEPARATOR}{_UNSAFE.sub('_', tool.name)}"
     return replace(tool, name=name, title=f"{server}: {tool.title}", title_template=None, server=server)

@@ -1,7 +1,7 @@
-"""The tools of one MCP server, over a connection that is kept: made once, tools listed once, renewed when it breaks.
+"""The connection to one MCP server and its tools: made once, tools listed once, made anew when it breaks.
 
-Knows MCP and nothing of what the tools do; any MCP server can stand here, the robot's or one that a client offered.
-Never logs a header: it can be a secret.
+It knows MCP and nothing of what the tools do: the server may be the robot's or one that a client brought. It never logs
+a header, which can be a secret. It rests on private parts of the SDK, which tests/test_mcp_private_parts.py lists.
 """
 
 from __future__ import annotations
@@ -30,12 +30,13 @@ from backend.agent.robot import sign_of_life
 log = logging.getLogger(__name__)
 
 CONNECT_TIMEOUT_S = 5.0
+"""How long connecting to a server, or its answer to a check, may take."""
 START_TIMEOUT_S = 30.0
-"""The same for a server that is a command: a busy computer takes its time to start one, and each try starts it anew."""
+"""The same for a server that is a command: a busy computer needs long to start one, and each try starts it anew."""
 PARTING_TIMEOUT_S = 5.0
-"""How long a server may take to be left; then its connection ends without anybody who waits."""
+"""How long closing a connection may take; after that it goes on in the background."""
 MAX_RESULT_BYTES = 12 * 1024 * 1024
-"""A spoken sentence comes back as sound: half a minute of it is over the SDK's limit of one MiB."""
+"""A spoken sentence is returned as sound: half a minute of it is over the SDK's own limit of one MiB."""
 
 
 class ServerUnavailable(Exception):
@@ -82,22 +83,22 @@ class Tool:
 
     @property
     def traits(self) -> ToolTraits:
-        """What the policy looks at."""
+        """The traits by which the policy decides."""
         return ToolTraits(self.name, self.read_only, self.can_preview)
 
     @property
     def can_preview(self) -> bool:
-        """Whether it can be called to act not at all. Only the robot itself can be believed to."""
+        """Whether it can be called to compute only and do nothing. Only the robot's own server is believed in this."""
         return self.server is None and self.preview is not None
 
     @property
     def schema(self) -> dict[str, Any]:
-        """As litellm wants it."""
+        """The tool in the form that litellm takes."""
         function = {"name": self.name, "description": self.description, "parameters": self.parameters}
         return {"type": "function", "function": function}
 
     def title_for(self, arguments: dict[str, Any]) -> str:
-        """A sentence for people about this very call."""
+        """A title for people of a call with these arguments."""
         if self.title_template:
             with contextlib.suppress(KeyError, ValueError, IndexError, AttributeError, TypeError):
                 return _PlainFormatter().format(self.title_template, **arguments)
@@ -118,14 +119,23 @@ ProgressCallback = Callable[[Progress], None]
 class McpClient:
     """The connection to one MCP server: an `http(s)://` URL, which gets the `headers`, or `stdio:COMMAND`.
 
-    `absent` is what people are told when it does not answer.
+    `absent` is the sentence for people when the server does not answer; `connect_timeout` is in s.
     """
 
-    def __init__(self, url: str, headers: Mapping[str, str] | None = None, *, absent: str) -> None:
+    def __init__(
+        self,
+        url: str,
+        headers: Mapping[str, str] | None = None,
+        *,
+        absent: str,
+        connect_timeout: float = CONNECT_TIMEOUT_S,
+    ) -> None:
         self._url = url
         self._command = url.removeprefix("stdio:") if url.startswith("stdio:") else None
         self._headers = dict(headers or {})
         self._absent = absent
+        self._connect_timeout = START_TIMEOUT_S if self._command else connect_timeout
+        self._answer_timeout = connect_timeout
         self._closed = False
         self._lock = asyncio.Lock()
         self._client: mcp.Client | None = None
@@ -134,7 +144,7 @@ class McpClient:
         self._tools: dict[str, Tool] = {}
 
     async def close(self) -> None:
-        """Disconnect for good: what is asked for later is refused as if the server were gone."""
+        """Disconnect for good: later calls are refused as if the server were gone."""
         self._closed = True
         async with self._lock:
             await self._drop()
@@ -166,7 +176,7 @@ class McpClient:
                 both = cast("mcp_types.RequestParamsMeta", {**(meta or {}), **(sign or {})})
                 result = await client.call_tool(name, arguments, progress_callback=report, meta=both or None)
         except (MCPError, RuntimeError) as error:
-            if await self._still_there(client):  # cutting it off would end what it does for others, as a drive
+            if await self._still_there(client):  # disconnecting would end its other calls, such as a drive
                 return ToolResult(True, [{"type": "text", "text": _refusal(error)}], None)
             await self._forget(client)
             raise self._unavailable() from error
@@ -177,7 +187,8 @@ class McpClient:
         return ToolResult(result.is_error, content, result.structured_content)
 
     def _sign_asked_by(self, name: str) -> sign_of_life.Asked | None:
-        """The sign of life that a tool asks for; one that does more than look is not given unasked."""
+        """The sign of life that a tool asks for. It is given only by a read-only tool: no other may be called
+        unasked."""
         tool = self._tools.get(name)
         asked = tool.sign_of_life if tool else None
         cheap = self._tools.get(asked.tool) if asked else None
@@ -193,7 +204,7 @@ class McpClient:
             return self._client
 
     async def _connect(self) -> None:
-        """Start the task that owns the connection, and wait until it stands.
+        """Start the task that owns the connection, and wait until it is made.
 
         The client's task group must be entered and left by one and the same task, hence the owner.
         """
@@ -201,9 +212,9 @@ class McpClient:
         self._lost = asyncio.Event()
         self._owner = asyncio.create_task(self._own(ready, self._lost), name="mcp connection")
         try:
-            async with asyncio.timeout(START_TIMEOUT_S if self._command else CONNECT_TIMEOUT_S):
+            async with asyncio.timeout(self._connect_timeout):
                 self._client = await asyncio.shield(ready)
-        except BaseException as error:  # cancelled, too: the owner must not live on alone
+        except BaseException as error:  # also when this task is cancelled: the owner must not outlive it
             await self._drop()
             if isinstance(error, Exception):
                 raise self._unavailable() from error
@@ -234,9 +245,9 @@ class McpClient:
                 yield streamable_http_client(self._url, http_client=http, max_sse_event_size=MAX_RESULT_BYTES)
 
     async def _still_there(self, client: mcp.Client) -> bool:
-        """Whether the server answers at all: tells a refused call from a lost server."""
+        """Whether the server still answers: this distinguishes a refused call from a lost server."""
         try:
-            async with asyncio.timeout(CONNECT_TIMEOUT_S):
+            async with asyncio.timeout(self._answer_timeout):
                 await client.list_tools(cache_mode="bypass")
         except Exception:
             return False
@@ -253,11 +264,11 @@ class McpClient:
         if owner is not None:
             self._lost.set()
             owner.cancel()
-            # Waiting so never raises how the owner ended, and always that the caller is cancelled.
+            # `wait` never raises the owner's error, but always a cancellation of this task.
             await asyncio.wait([owner], timeout=PARTING_TIMEOUT_S)
 
     def _unavailable(self) -> ServerUnavailable:
-        # The address can hold a password or a whole command line: it is for the log.
+        # An address can hold a password or a whole command line: only its host or program is logged.
         log.warning("no MCP server at %s", self._url.rpartition("@")[2].split(" ")[0])
         return ServerUnavailable(self._absent)
 

@@ -1,7 +1,7 @@
-"""What the agent hears of the robot beside its tools: the telemetry stream, and the stop path.
+"""The agent's client of the robot server beside MCP: the telemetry stream, the stop path and previews.
 
-Needs a robot server that has them; with any other MCP server the link stays down and everything else works. It
-never moves the robot.
+Only our robot server has these; with any other MCP server the state stays None and everything else works. It never
+moves the robot.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ RATE_HZ = 20.0
 RETRY_S = 1.0
 REST_TIMEOUT_S = 5.0
 STALE_S = 2.0
-"""States come twenty times a second: after so long without one, the last says nothing of the robot any more."""
+"""States come twenty times a second: after so long without one the latest state is no longer valid."""
 PREVIEW_TIMEOUT_S = 1.0
 
-_BROKEN = (OSError, WebSocketException, msgspec.DecodeError)
-"""How a line ends."""
+_CONNECTION_ERRORS = (OSError, WebSocketException, msgspec.DecodeError)
+"""The errors with which a telemetry connection ends."""
 
 Watcher = Callable[["telemetry.State | None"], None]
 
@@ -41,10 +41,20 @@ class RobotError(Exception):
 
 
 class RobotClient:
-    """The latest state of the robot. `state` is None while the robot server is away, or hangs."""
+    """The latest state of the robot. `state` is None while the robot server is unreachable or silent."""
 
-    def __init__(self, mcp_url: str | None, bearer: str | None) -> None:
-        """`mcp_url` is that of our robot server; None for another one, which has no such link."""
+    def __init__(
+        self,
+        mcp_url: str | None,
+        bearer: str | None,
+        *,
+        stale_after: float = STALE_S,
+        rest_timeout: float = REST_TIMEOUT_S,
+    ) -> None:
+        """`mcp_url` is that of our robot server; None for another one, which has neither telemetry nor a stop path.
+        Times are in s."""
+        self._stale_after = stale_after
+        self._rest_timeout = rest_timeout
         self._base = f"http://{urlsplit(mcp_url).netloc}" if mcp_url else None
         self._headers = {"Authorization": f"Bearer {bearer}"} if bearer else {}
         self.state: telemetry.State | None = None
@@ -59,12 +69,12 @@ class RobotClient:
         return lambda: self._watchers.discard(watcher)
 
     async def run(self) -> None:
-        """Follow the robot until cancelled."""
+        """Keep `state` up to date until cancelled; reconnect as often as needed."""
         if self._base is None:
             return
         while True:
-            with contextlib.suppress(*_BROKEN, TimeoutError):
-                async with self._line(self._base) as socket:
+            with contextlib.suppress(*_CONNECTION_ERRORS, TimeoutError):
+                async with self._connection(self._base) as socket:
                     while True:
                         await self._take(await self._next(socket))
             if self.state is not None:
@@ -73,17 +83,17 @@ class RobotClient:
             await asyncio.sleep(RETRY_S)
 
     @contextlib.asynccontextmanager
-    async def _line(self, base: str) -> AsyncIterator[ClientConnection]:
-        """A line of its own, on which the robot tells how it is."""
+    async def _connection(self, base: str) -> AsyncIterator[ClientConnection]:
+        """A telemetry connection that is subscribed to states."""
         url = base.replace("http", "ws", 1) + "/telemetry"
         async with connect(url, additional_headers=self._headers, max_size=2**26) as socket:
             await socket.send(telemetry.encode(telemetry.Subscribe(["state"], RATE_HZ)))
             yield socket
 
     async def _next(self, socket: ClientConnection) -> telemetry.AnyMessage:
-        """The next message, however long it takes; the state at hand is forgotten when that is too long."""
+        """The next message, however long it takes. After `stale_after` s of silence the latest state is dropped."""
         try:
-            async with asyncio.timeout(STALE_S):
+            async with asyncio.timeout(self._stale_after):
                 return telemetry.decode(await socket.recv(decode=False))
         except TimeoutError:
             await self._fall_silent()
@@ -95,7 +105,7 @@ class RobotClient:
 
     async def _fall_silent(self) -> None:
         if self.state is not None:
-            log.warning("the robot server has told nothing for %g s; its line is still open", STALE_S)
+            log.warning("the robot server has sent nothing for %g s; its connection is still open", self._stale_after)
         await self._set(None, silent=True)
 
     async def _set(self, state: telemetry.State | None, *, silent: bool = False) -> None:
@@ -106,14 +116,14 @@ class RobotClient:
             self._news.notify_all()
 
     async def anew(self) -> telemetry.State | None:
-        """The state as it is now; None when the robot does not tell.
+        """The state of this moment; None when the robot server does not answer.
 
-        What comes next on the line that is followed can be older than the question: on a busy machine it has waited
-        there. On a line that begins only now nothing has.
+        The next message on the connection that `run` keeps can be older than this call: on a busy machine messages wait
+        there. On a new connection none can.
         """
-        with contextlib.suppress(*_BROKEN, TimeoutError):
+        with contextlib.suppress(*_CONNECTION_ERRORS, TimeoutError):
             if self._base is not None:
-                async with asyncio.timeout(STALE_S), self._line(self._base) as socket:
+                async with asyncio.timeout(self._stale_after), self._connection(self._base) as socket:
                     while True:
                         message = telemetry.decode(await socket.recv(decode=False))
                         if isinstance(message, telemetry.State):
@@ -121,30 +131,31 @@ class RobotClient:
         return None
 
     async def at_rest(self) -> None:
-        """Return when the robot stands still and follows no goal; at once when there is no line to it.
+        """Return when the robot stands still and follows no goal; at once when it is not connected.
 
-        A robot that is silent on an open line is not at rest: it may drive on.
+        A robot that is silent on an open connection does not count as at rest: it may be driving.
         """
         with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(REST_TIMEOUT_S):
+            async with asyncio.timeout(self._rest_timeout):
                 if self.state is None and not self._silent:
                     return
                 now = await self.anew()
                 async with self._news:
-                    await self._news.wait()  # the state at hand is older than the question
+                    await self._news.wait()  # the present state is older than this call
                     await self._news.wait_for(lambda: self._resting(now.time if now else -math.inf))
                 return
-        log.error("the robot is not at rest %g s after the halt", REST_TIMEOUT_S)
+        log.error("the robot is not at rest %g s after the halt", self._rest_timeout)
 
     def _resting(self, since: float) -> bool:
-        """Whether it rests, as it told at a time of its own clock or later."""
+        """Whether the robot is at rest in a state of `since` (s of its clock) or later."""
         state = self.state
         if state is None:
             return not self._silent
         return state.time >= since and state.motion is None and state.twist.linear == 0 and state.twist.angular == 0
 
     async def stop(self, by: str) -> dict[str, Any]:
-        """Latch the stop in the robot server, whatever becomes of the one who waits for it. Raises `RobotError`."""
+        """Latch the stop in the robot server. Cancelling the caller does not cancel the request. Raises
+        `RobotError`."""
         stopping = asyncio.create_task(self._post("/stop", by), name="stop")
         self._stopping.add(stopping)
         stopping.add_done_callback(self._stopping.discard)
@@ -155,7 +166,7 @@ class RobotClient:
         return await self._post("/release", by)
 
     async def forget_preview(self, own: str) -> None:
-        """Let the robot draw the way with this id no longer; that it does not take it is no reason to fail."""
+        """Withdraw the preview with this id. A failure is logged and not raised: a preview ends by itself, too."""
         if self._base is None:
             return
         try:

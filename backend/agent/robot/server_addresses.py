@@ -1,8 +1,8 @@
-"""Which MCP servers a client may bring into a session: the rule, as plain functions over what the client sent.
+"""The rule for the MCP servers that a client may bring into a session: plain functions over the client's request.
 
-Nothing connects here. An address is taken only in the few forms whose meaning nobody disputes, and put together again
-from its checked parts, so that what was checked is what is connected to. Values of headers can be secrets: they are in
-no message, no log and no `repr`.
+Nothing connects here. An address is taken only in the few forms that all parsers read alike, and put together again
+from its checked parts, so that the address that was checked is the one that is connected to. Values of headers can be
+secrets: they are in no message, no log and no `repr`.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The agent's sign of life to a robot server that asks for one, as long as a call lasts that moves the robot.
 
 An open connection proves nothing: a process that is stopped leaves it open. So a tool's server may say how often it
-wants to hear its caller, and by which cheap tool (docs/safety.md). The calls go out from this process's event loop: an
-agent that hangs falls silent, and the robot halts. One that asks for nothing hears nothing.
+wants a call from its client, and of which cheap tool (docs/safety.md). This process's event loop makes those calls: an
+agent that hangs falls silent, and the robot halts. A server that asks for nothing receives nothing.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from mcp_types import RequestParamsMeta
 from backend import meta as keys
 
 SHARE = 0.2
-"""Part of the time that the server allows which passes between two signs."""
+"""The share of the allowed silence that passes between two signs of life."""
 
 
 @dataclass(frozen=True)
 class Asked:
-    """What a tool's server asks for: a call of `tool` at least every `within` seconds."""
+    """The sign of life that a tool's server asks for: a call of `tool` at least every `within` seconds."""
 
     within: float
     tool: str
@@ -58,6 +58,6 @@ async def given(client: mcp.Client, asked: Asked | None) -> AsyncIterator[Reques
 async def _beat(client: mcp.Client, asked: Asked, name: RequestParamsMeta) -> None:
     while True:
         await asyncio.sleep(SHARE * asked.within)
-        with contextlib.suppress(Exception):  # one that does not get through is the call's to notice
+        with contextlib.suppress(Exception):  # the call itself notices a connection that is gone
             async with asyncio.timeout(asked.within):
                 await client.call_tool(asked.tool, {}, meta=name)

@@ -1,7 +1,8 @@
-"""Who may talk to the robot's HTTP server: the processes that share its token, from this address, and no web page.
+"""Who may use the robot's HTTP server: processes that have its token, under its own address, and no web page.
 
-An ASGI middleware, before everything but `/health`. Loopback is no wall against the web: a page in a local browser can
-reach any local port, so Host and Origin are checked besides the token (DNS rebinding, cross-site requests).
+An ASGI middleware in front of every route but `/health`. A loopback address is no protection against the web: a page in
+a local browser can reach any local port. So Host and Origin are checked besides the token, against DNS rebinding and
+cross-site requests.
 """
 
 from __future__ import annotations
@@ -15,13 +16,13 @@ from starlette.datastructures import Headers
 from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-CLIENT_GONE = "robot-acp.client-gone"
-"""Scope key of an `asyncio.Event`: set when the client of this HTTP request has hung up."""
+from backend.mcp_robot.tools.long_call import CLIENT_GONE
+
 PUBLIC = frozenset({"/health"})
 
 
 class Access:
-    """Lets a request pass, or answers it with 401 (token), 403 (Origin) or 421 (Host) and a sentence."""
+    """Passes a request on, or answers it with 401 (token), 403 (Origin) or 421 (Host) and a sentence."""
 
     def __init__(self, app: ASGIApp, token: bytes, host: str) -> None:
         self._app = app
@@ -58,8 +59,8 @@ class Access:
 
 
 def own_names(host: str) -> frozenset[str]:
-    """Host names of a server bound to `host`. A wildcard adds this machine's name and any address, which no DNS
-    answer can forge."""
+    """The host names of a server that is bound to `host`; "*" stands for any IP address. A wildcard address adds this
+    machine's name and "*": DNS rebinding needs a name, so a Host that is an address cannot come from it."""
     local = {"localhost", "127.0.0.1", "::1"}
     if host in ("", "0.0.0.0", "::"):  # noqa: S104 - compared, not bound
         return frozenset(local | {socket.gethostname().lower(), "*"})
@@ -80,7 +81,7 @@ def _answer(status: int, sentence: str) -> JSONResponse:
 
 
 def _watched(scope: Scope, receive: Receive) -> tuple[Scope, Receive]:
-    """The same request, with an event in its scope that is set when the client hangs up."""
+    """The same HTTP request with an event in its scope (CLIENT_GONE) that is set when the client hangs up."""
     if scope["type"] != "http":
         return scope, receive
     gone = asyncio.Event()

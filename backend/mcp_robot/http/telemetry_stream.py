@@ -1,7 +1,7 @@
-"""The `/telemetry` stream: the latest of everything to whoever asks, at the rate that each can read.
+"""The `/telemetry` stream: the latest values, to each reader at the rate that it asked for and can read.
 
-One task a reader, and no queue: a message is made when the reader is ready for it, so a slow one gets fewer messages
-and none that is older than it must be. Nothing here can delay the robot or another reader.
+Each reader has one task and no queue: a message is made when the reader is ready for it. So a slow reader gets fewer
+messages, and none that waited. Nothing here can delay the robot or another reader.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from backend.telemetry import CHANNELS, Channel, Hello, Map, Path, Speech, Subsc
 
 MAX_RATE = 60.0
 MIN_RATE = 0.1
-MAP_EVERY = 1.0
-"""Seconds between looks for another map, where nothing else is to be sent."""
+MAX_PAUSE = 1.0
+"""Seconds between two checks for another map, for a reader that wants neither states nor scans."""
 
 EARLY = 0.02
-"""Seconds before it is due that a picture is taken for punctual: the next one may be a fifth of a second away."""
+"""A picture is sent up to so many seconds before it is due: the next one may be a fifth of a second away."""
 
 Send = Callable[[bytes], Awaitable[None]]
 
@@ -76,7 +76,7 @@ class TelemetryStream:
                             reader.subscribe(telemetry.decode_subscribe(await websocket.receive_bytes()))
                     finally:
                         sending.cancel()
-                        self._camera.look_away(reader)
+                        self._camera.unwatch(reader)
             except* (WebSocketDisconnect, KeyError):  # gone, or a text frame where bytes belong
                 pass
             except* msgspec.MsgspecError:
@@ -84,7 +84,7 @@ class TelemetryStream:
 
 
 class _Reader:
-    """What one reader asked for and has been sent."""
+    """One reader: the channels that it asked for, and the latest of each that it was sent."""
 
     def __init__(
         self,
@@ -101,16 +101,16 @@ class _Reader:
         self._interval = 1.0  # wall seconds between states, replaced by subscribe
         self._due = 0.0  # monotonic time of the next state
         self._grid: OccupancyGrid | None = None  # the map sent last
-        self._path: Path | None = None  # the one sent last
-        self._speech: Speech | None = pilot.speech  # likewise; what was said before is over
-        self._picture: bytes | None = None  # likewise
+        self._path: Path | None = None  # the path sent last
+        self._speech: Speech | None = pilot.speech  # the sentence sent last; those from before are over
+        self._picture: bytes | None = None  # the picture sent last
         self._picture_due = 0.0  # monotonic time of the next picture
         self.wake = asyncio.Event()  # set when there may be something to send before the next state
 
     def subscribe(self, asked: Subscribe) -> None:
-        """Replace what it wants."""
+        """Replace the channels and the rate that this reader wants."""
         self._channels = frozenset(asked.channels)
-        (self._camera.look if "camera" in self._channels else self._camera.look_away)(self)
+        (self._camera.watch if "camera" in self._channels else self._camera.unwatch)(self)
         rate = MIN_RATE if math.isnan(asked.rate) else asked.rate
         self._interval = 1.0 / min(max(rate, MIN_RATE), MAX_RATE)
         self._due = 0.0
@@ -121,13 +121,13 @@ class _Reader:
     async def run(self) -> None:
         """Send until cancelled."""
         while True:
-            self.wake.clear()  # before sending: what changes meanwhile wakes it again
+            self.wake.clear()  # before sending: a change meanwhile sets it again
             await self._send_changes()
             streaming = bool(self._channels & {"state", "scan"})
             if streaming and time.monotonic() >= self._due:
                 self._due = max(self._due + self._interval, time.monotonic())  # what was missed is not made up for
                 await self._send_latest()
-            pause = max(0.0, self._due - time.monotonic()) if streaming else MAP_EVERY
+            pause = max(0.0, self._due - time.monotonic()) if streaming else MAX_PAUSE
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(pause):
                     await self.wake.wait()

@@ -1,8 +1,12 @@
-"""The safety layer, while the robot moves: what the robot tells of itself is looked at all the time, whatever it is.
+"""The safety rules while the robot moves: the guard checks pose, speed, laser and battery twenty times a second.
 
-Each rule is a plain function of what is told, which returns nothing or raises `Refusal`; `Guard` asks all of them for
-one motion and remembers what only a look before can tell. It stands above any backend: a robot that keeps its own
-limits and stops before obstacles by itself never hears of it. It never moves anything: its caller halts.
+Each rule is a plain function of measured values that returns nothing or raises `Refusal`; `Guard` checks all of them
+for one motion and keeps what only earlier measurements can show. It stands above every kind of robot: one that keeps
+its limits and stops before obstacles by itself never triggers it. It moves and halts nothing: its caller halts.
+
+The protective stop is an idea of ISO 3691-4 (a driverless truck detects persons in its path and stops before them), and
+that reaction time and stopping distance decide how early it acts is one of ISO 13855. Neither standard's margins, tests
+or performance levels are claimed: docs/safety.md says what this is not.
 """
 
 from __future__ import annotations
@@ -22,28 +26,29 @@ from backend.mcp_robot.robot import Fix, Robot, Velocity
 from backend.telemetry import Battery, Pose, Scan, Twist, Zone
 
 PERIOD = 0.05
-"""Seconds of the wall's clock between two looks: the robot server's control period."""
+"""Seconds of the wall's clock between two checks: the robot server's control period."""
 REACTION = 2 * PERIOD
 """Seconds of the robot's clock from an obstacle's appearance to the brakes."""
 POSE_TOLERANCE = 0.05
-"""m that the believed pose may be wrong beside a wall, which the laser sees as well; and a cell of the map."""
+"""m by which the believed pose may be wrong beside a wall; a cell of the map is added. The laser sees the wall, too."""
 SPEED_TOLERANCE = 0.05
-"""m/s and rad/s that a measured speed may be over its limit, and the same again as a share of it."""
+"""A measured speed may be over its limit by so many m/s or rad/s, plus the same number as a share of the limit."""
 GAIN_TIME, GAIN_TOLERANCE = 0.5, 0.1
 """Over so many seconds a measured speed may rise by so much more (m/s and rad/s) than the acceleration limit allows."""
 SELF = 0.5
-"""What the laser sees within this share of the footprint's radius is the robot itself."""
+"""Readings nearer than this share of the footprint's radius are taken for the robot itself."""
 ARC_POINTS = 8
+"""Points on the way to rest at which the footprint is compared with the readings."""
 
 
 def ordinary(pose: Pose) -> None:
-    """The pose is made of ordinary numbers."""
+    """The pose is finite."""
     if not all(map(math.isfinite, (pose.x, pose.y, pose.yaw))):
         raise Refusal("lost", "The robot's position is no ordinary number. It has halted; see to its localisation.")
 
 
 def localised(fix: Fix, now: float, limits: Limits) -> None:
-    """The robot knows where it is: its pose is not older than allowed."""
+    """The robot knows where it is: its pose is not older than `pose_timeout`."""
     if now - fix.stamp > limits.pose_timeout:
         age = f"{now - fix.stamp:.1f} s"
         raise Refusal("lost", f"The robot has not known its position for {age} ({fix.source}), and has halted.")
@@ -57,7 +62,8 @@ def within_limits(twist: Twist, limits: Limits) -> None:
 
 
 def gains_gently(before: Twist, after: Twist, seconds: float, limits: Limits) -> None:
-    """Between two looks `seconds` apart neither speed rose faster than its limit allows. Braking may be harder."""
+    """Between two measurements, `seconds` apart, neither speed rose faster than its limit allows. Braking may be
+    harder."""
     for was, is_, most in (
         (before.linear, after.linear, limits.max_acceleration),
         (before.angular, after.angular, limits.max_turn_acceleration),
@@ -76,7 +82,7 @@ def on_free_floor(grid: OccupancyGrid, pose: Pose, room: float) -> None:
 
 
 def off_zones(zones: Sequence[Zone], pose: Pose, room: float) -> None:
-    """The robot is `room` m off every keep-out zone."""
+    """The robot's centre is at least `room` m away from every keep-out zone."""
     near = keep_out.nearest(zones, pose.x, pose.y)
     if near and near[0] < room:
         where = f"({pose.x:.1f}, {pose.y:.1f})"
@@ -84,7 +90,7 @@ def off_zones(zones: Sequence[Zone], pose: Pose, room: float) -> None:
 
 
 def sighted(scan: Scan, now: float, limits: Limits) -> None:
-    """The laser has spoken lately, and what it said can be used."""
+    """The latest scan has readings and is not older than `pose_timeout`."""
     if not scan.ranges:
         raise Refusal(
             "blind", "The laser has no readings, and the robot has halted. See to the laser and its transform."
@@ -96,8 +102,9 @@ def sighted(scan: Scan, now: float, limits: Limits) -> None:
 def way_is_free(scan: Scan, now: float, twist: Twist, footprint_radius: float, limits: Limits) -> None:
     """The protective stop: nothing that the laser sees lies on the floor that the robot needs to come to rest.
 
-    That is the circle of its footprint, moved along its present arc for the way of its reaction and its braking; the
-    age of the scan is part of its reaction. What it only passes, without coming nearer, is not in its way.
+    That floor is the footprint's circle, moved along the present arc by v * (REACTION + age of the scan) + v²/2b, with
+    the speed v and the braking deceleration b. Things are taken to stand still. A reading that the circle passes
+    without coming nearer to it is not in the way.
     """
     speed = abs(twist.linear)
     if speed < 1e-3:
@@ -116,25 +123,27 @@ def way_is_free(scan: Scan, now: float, twist: Twist, footprint_radius: float, l
 
 
 def battery_lasts(battery: Battery, limits: Limits, advice: str) -> None:
-    """There is charge to go on: half the floor that a motion needs to begin, so that most of them end before."""
+    """The charge is at least half of what a motion needs to begin, so that most motions reach their end."""
     if battery.level < limits.battery_floor / 2:
         raise Refusal("battery_low", f"The battery fell to {battery.level:.0%}, and the robot has halted.{advice}")
 
 
 class Guard:
-    """All rules for one motion, from its begin. `to_dock`: it ends where the battery is charged."""
+    """All rules for one motion. `to_dock` says that it ends at a dock: then an empty battery does not end it."""
 
     def __init__(self, robot: Robot, zones: Sequence[Zone], limits: Limits, *, to_dock: bool) -> None:
         self._robot = robot
         self._zones = zones
         self._limits = limits
         self._to_dock = to_dock
-        self._room = -math.inf  # m of floor that it had at least; a robot that stood too near only may not get nearer
-        self._apart = -math.inf  # likewise from the zones
-        self._past: deque[Velocity] = deque()  # what was measured in the last GAIN_TIME
+        self._room = (
+            -math.inf
+        )  # m of free floor that is required; a robot that begins too near to a wall may only not get nearer
+        self._apart = -math.inf  # the same for the distance from zones
+        self._past: deque[Velocity] = deque()  # the measurements of the last GAIN_TIME seconds
 
-    def look(self) -> None:
-        """Ask every rule about this moment. Raises `Refusal`."""
+    def check(self) -> None:
+        """Check every rule now. Raises `Refusal`."""
         robot, limits, radius = self._robot, self._limits, self._robot.footprint_radius
         now, fix, velocity = robot.clock(), robot.fix, robot.velocity
         twist = velocity.twist
@@ -144,7 +153,7 @@ class Guard:
             within_limits(twist, limits)
         braking = self._gain(velocity)
         self._keep_distance(fix.pose, radius)
-        if twist.linear and not braking:  # one that brakes already does what it can
+        if twist.linear and not braking:  # a robot that brakes already does what it can
             scan = robot.scan()
             sighted(scan, now, limits)
             way_is_free(scan, now, twist, radius, limits)
@@ -152,9 +161,9 @@ class Guard:
             battery_lasts(robot.battery, limits, where_to_charge(robot.places))
 
     def _gain(self, velocity: Velocity) -> bool:
-        """Hold the robot to its acceleration; returns whether it brakes hard since the last look.
+        """Check the acceleration; returns whether the robot has braked hard since the check before.
 
-        By the times of measurement: news that comes late, and then all at once, is no acceleration.
+        Only times of measurement count: messages that arrive late, and then all at once, are no acceleration.
         """
         past, braking, now = self._past, False, velocity.stamp
         if past and now > past[-1].stamp:
@@ -171,7 +180,7 @@ class Guard:
         room = min(grid.clearance(pose.x, pose.y), radius - POSE_TOLERANCE - grid.resolution)
         near = keep_out.nearest(self._zones, pose.x, pose.y)
         apart = min(near[0], radius) if near else math.inf
-        if self._apart == -math.inf:  # the first look tells where it stood
+        if self._apart == -math.inf:  # the first check: where the robot stood before it moved
             self._room, self._apart = room, apart
         on_free_floor(grid, pose, self._room - 0.01)
         off_zones(self._zones, pose, self._apart - 0.01)

@@ -1,7 +1,8 @@
 """Keep-out zones: polygons of the map that the robot's footprint must not touch, whoever asks.
 
-Plain geometry on `telemetry.Zone`, in the map frame. Distances are exact; the planner's copy is made of cells and is
-never smaller than the polygon. Nothing here decides: the rules do.
+Plain geometry on `telemetry.Zone`, in the map frame. Distances are exact; the grid that the planner searches marks
+whole cells, so that a zone is never smaller there than its polygon. safety.py and guard.py decide what follows from a
+distance.
 """
 
 from __future__ import annotations

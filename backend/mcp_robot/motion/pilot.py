@@ -1,7 +1,8 @@
-"""Between the tools and the robot: asks the safety rules, lets one motion happen at a time, guards it, and stops.
+"""The pilot: the only way from the tools to the robot. It checks the rules, runs one motion at a time, and stops it.
 
-All tools act through it, so that stop, cancel and telemetry see the same state. A motion belongs to the task that waits
-for it: when that task is cancelled, whatever the reason, the robot brakes. It must never start anything by itself.
+All tools act through the pilot, so that stop, cancel and telemetry see the same state. A motion belongs to the task
+that waits for it: when that task is cancelled, for whatever reason, the robot brakes. The pilot never starts a motion
+by itself.
 """
 
 from __future__ import annotations
@@ -21,31 +22,33 @@ import numpy as np
 from backend.config import Limits
 from backend.mcp_robot.motion import safety
 from backend.mcp_robot.motion.guard import PERIOD, Guard
+from backend.mcp_robot.motion.path_preview import PathPreview
 from backend.mcp_robot.motion.stop import StopLatch
 from backend.mcp_robot.navigation.grid import Floats
-from backend.mcp_robot.navigation.places import at_dock
+from backend.mcp_robot.navigation.named_places import at_dock
 from backend.mcp_robot.refusal import Halted, Refusal
 from backend.mcp_robot.robot import Picture, Robot, Route, Sound
-from backend.mcp_robot.tools.preview import Preview
 from backend.telemetry import Halt, Motion, Path, Place, Pose, Speech, State, Stop, Zone
 
 logger = logging.getLogger(__name__)
 
 MOST_PLANS = 2
-"""Ways that are sought at the same time: more would take the processor from the guard."""
+"""Paths that are planned at the same time: more would take the processor from the guard."""
 STALE_AFTER = 1.0
-"""Seconds on the robot's clock after which a pose is old."""
+"""Seconds on the robot's clock after which a pose is reported as stale."""
 PROTECTIVE = frozenset({"blocked", "lost"})
-"""Codes with which a robot itself ends a motion for safety's sake; any other is a failure of its parts."""
+"""The codes with which a robot itself ends a motion for safety's sake. Any other code means that a part failed."""
 PREVIEW_AGE = 300.0
-"""Seconds of wall time after which a preview goes: whoever asked for it may be gone. Longer than people are asked."""
+"""Seconds of wall time after which a preview is withdrawn, because its owner may be gone. People who are asked for
+permission have less time than that."""
 REST_TIME = 3.0
-"""Seconds that a robot may take to come to rest before whoever it refused is answered all the same."""
+"""Seconds that a refusal waits for the robot to come to rest; then it is answered all the same."""
 
 
 @dataclass(frozen=True)
 class Leg:
-    """A motion that ended where it should: the way driven in m, the time it took in s of the robot's clock."""
+    """A motion that reached its goal: where it ended, the distance driven in m, and its duration in s of the robot's
+    clock."""
 
     pose: Pose
     distance: float
@@ -54,7 +57,7 @@ class Leg:
 
 @dataclass(frozen=True)
 class _Intent:
-    """The motion under way, as it was asked for."""
+    """The motion under way, as the client asked for it."""
 
     kind: Literal["navigate", "rotate"]
     goal: Pose
@@ -69,31 +72,42 @@ class _Intent:
 
 
 class Pilot:
-    """One robot and who may move it now."""
+    """One robot, its stop latch, and the one motion that may be under way."""
 
-    def __init__(self, robot: Robot, latch: StopLatch, limits: Limits, zones: Sequence[Zone] = ()) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        latch: StopLatch,
+        limits: Limits,
+        zones: Sequence[Zone] = (),
+        *,
+        preview_age: float = PREVIEW_AGE,
+    ) -> None:
         self.robot = robot
         self.limits = limits
         self.zones = tuple(zones)
+        self._preview_age = preview_age
         self._latch = latch
         self._motions = safety.Rate("motions", limits.max_motions_per_minute)
         self._speeches = safety.Rate("speeches", limits.max_speeches_per_minute)
-        self._veto: Refusal | None = None  # set when the way of the motion under way became one that is refused
-        self._intent: _Intent | None = None  # from a motion's first rule to its end
+        self._veto: Refusal | None = None  # why the path that the robot changed to is refused, during a motion
+        self._intent: _Intent | None = None  # the motion under way, from its first rule to its end
         self._planners = asyncio.Semaphore(MOST_PLANS)
-        self._preview: Preview | None = None  # whose way is drawn or being computed, until it is taken back
-        self._preview_ends: asyncio.TimerHandle | None = None  # when it goes by itself
-        self._brakings = 0  # how often brake was called: what began before one must not go on after it
-        self.halted: Halt | None = None  # from a motion that ended by itself for safety's sake to the next one's begin
-        self.speaking: str | None = None  # what is being said, while it is
-        self.path = Path(robot.clock(), [])  # latest planned path, replaced on change
-        self.speech: Speech | None = None  # latest sentence begun, replaced on change
+        self._preview: PathPreview | None = (
+            None  # the path that is shown or being computed for it, until it is withdrawn
+        )
+        self._preview_ends: asyncio.TimerHandle | None = None  # the timer that withdraws it
+        self._brakings = 0  # how often `brake` was called: an action that was asked for before must not begin after it
+        self.halted: Halt | None = None  # set when a motion ends for safety's sake, until the next one begins
+        self.speaking: str | None = None  # the text that is being said; None while silent
+        self.path = Path(robot.clock(), [])  # the path that telemetry shows; replaced on change
+        self.speech: Speech | None = None  # the latest sentence that was begun; replaced on change
         self.on_change: Callable[[], None] = lambda: None  # called after path or speech changed
         robot.hold(latch.stop is not None)
 
     @property
     def stopped(self) -> Stop | None:
-        """What the stop latch is set to."""
+        """The stop, while it is latched."""
         return self._latch.stop
 
     @property
@@ -105,24 +119,26 @@ class Pilot:
         return Motion(intent.kind, intent.goal, intent.place, left.distance, left.seconds)
 
     def state(self) -> State:
-        """Everything that changes all the time, as telemetry."""
-        robot = self.robot
+        """What the robot does now, as telemetry."""
+        robot, now = self.robot, self.robot.clock()
+        # Another thread may write these: the velocity is read first, so that a robot at rest has its pose of that rest.
+        twist = robot.velocity.twist
         return State(
-            robot.clock(), robot.name, robot.fix.pose, robot.velocity.twist,
+            now, robot.name, robot.fix.pose, twist,
             msgspec.structs.replace(robot.battery, floor=self.limits.battery_floor),
             self.motion, self.stopped, self.speaking, self.halted,
         )  # fmt: skip
 
-    async def plan(self, goal: Pose, *, final_yaw: bool, preview: Preview | None = None) -> Route:
-        """Compute the way to a goal, and draw it for a `preview`. Moves nothing. Raises `Refusal`."""
+    async def plan(self, goal: Pose, *, final_yaw: bool, preview: PathPreview | None = None) -> Route:
+        """Compute the path to a goal; with a `preview`, show it in telemetry. Moves nothing. Raises `Refusal`."""
         safety.finite(x=goal.x, y=goal.y, yaw=goal.yaw)
         if preview is None:
             return await self._plan(goal, final_yaw)
         if preview.rehearsal:
             self._may_move(goal)
         elif self._preview and self._preview.rehearsal:
-            return await self._plan(goal, final_yaw)  # people are asked about that one
-        self._drop_preview()  # the newest counts, and the one before does not come back
+            return await self._plan(goal, final_yaw)  # people are being asked about the path that is shown
+        self._drop_preview()  # a newer preview replaces it for good
         self._preview = preview
         try:
             route = await self._plan(goal, final_yaw)
@@ -130,15 +146,15 @@ class Pilot:
             if self._preview is preview:
                 self._drop_preview()
             raise
-        # It may have been taken back meanwhile; and the path that is being driven matters more.
+        # The preview may have been withdrawn meanwhile; and a path that is being driven takes precedence.
         if self._preview is preview and self._intent is None:
             self._show(route.points, preview=True)
-            self._preview_ends = asyncio.get_running_loop().call_later(PREVIEW_AGE, self._drop_preview)
+            self._preview_ends = asyncio.get_running_loop().call_later(self._preview_age, self._drop_preview)
         return route
 
     def forget_preview(self, own: str) -> str | None:
-        """Draw the way with this id no longer; one of another id, and one that is being driven, stays. Returns whose
-        is drawn now."""
+        """Withdraw the preview with this id. A preview with another id, and a path that is being driven, stay. Returns
+        the id of the preview that is shown now, None for none."""
         if self._preview and self._preview.id == own:
             self._drop_preview()
         return self._preview.id if self._preview else None
@@ -151,7 +167,7 @@ class Pilot:
             self._show((), preview=False)
 
     async def navigate(self, goal: Pose, *, final_yaw: bool, place: Place | None = None) -> tuple[Route, Leg]:
-        """Drive to a goal; returns there. Raises `Refusal`. Cancelling brakes."""
+        """Drive to a goal; returns on arrival. Raises `Refusal`. Cancelling the caller's task brakes."""
         safety.finite(x=goal.x, y=goal.y, yaw=goal.yaw)
         with self._motion(_Intent("navigate", goal, place.name if place else None), goal) as brakings:
             route = await self._plan(goal, final_yaw)
@@ -173,7 +189,7 @@ class Pilot:
             return await self._run(self.robot.turn(math.radians(degrees)), brakings, to_dock=False)
 
     async def speak(self, text: str) -> Sound:
-        """Say a text aloud; returns when it is said. Raises `Refusal`. Cancelling ends it."""
+        """Say a text aloud; returns when it is said. Raises `Refusal`. Cancelling the caller's task ends the speech."""
         safety.not_stopped(self.stopped)
         safety.speech_fits(text, self.limits)
         safety.idle("speaking already" if self.speaking else None)
@@ -194,12 +210,12 @@ class Pilot:
         return sound
 
     async def photo(self) -> Picture:
-        """What the camera sees."""
+        """A picture from the camera, taken now. Raises `Refusal` (no_camera)."""
         return await self.robot.photo()
 
     def brake(self) -> None:
-        """End what is under way or about to begin, at once and without a latch."""
-        self._brakings += 1  # what has not begun must not begin, whatever happens below
+        """End motion and speech that are under way or about to begin, at once and without a latch."""
+        self._brakings += 1  # first: nothing may begin any more, whatever happens below
         for act in (self.robot.halt, self.robot.hush):
             self._do_for_sure(act)
 
@@ -220,19 +236,19 @@ class Pilot:
             logger.exception("The robot did not take a command to halt.")
 
     def release(self, by: str) -> None:
-        """Release the latch; nothing begins to move by it. Raises `OSError` when it cannot be released for good."""
+        """Release the latch; starts no motion. Raises `OSError` when its file cannot be removed: the stop stays."""
         if self._latch.stop:
             logger.warning("Stop of %s released by %s.", self._latch.stop.by, by)
         self._latch.release()
         self.robot.hold(False)
 
     def halted_by(self, refusal: Refusal) -> None:
-        """The safety layer ends the motion under way, and people have not: telemetry tells it until the next one."""
+        """Report that the safety layer ended the motion under way: telemetry shows it until the next motion begins."""
         if self._intent is not None:
             self.halted = Halt(refusal.code, refusal.sentence, time.time())
 
     def rerouted(self, points: Floats) -> None:
-        """The robot took another way, shape (n, 2), for the drive under way: held to the same rules, and shown."""
+        """The robot took another path, shape (n, 2), during a drive: check it by the same rules; show it, or halt."""
         try:
             self._check_path(points)
         except Refusal as refusal:
@@ -258,11 +274,11 @@ class Pilot:
         safety.path_is_free(self.robot.grid, self.zones, points, self.robot.footprint_radius)
 
     async def _run(self, motion: Coroutine[Any, Any, None], brakings: int, *, to_dock: bool) -> Leg:
-        """Run a motion that was allowed when `brakings` was the count, under the guard's eyes."""
+        """Run a motion under the guard. `brakings` is the count of brakings when the motion was allowed."""
         robot = self.robot
         guard = Guard(robot, self.zones, self.limits, to_dock=to_dock)
         try:
-            guard.look()  # a motion that it would halt does not begin
+            guard.check()  # a motion that the guard would halt at once does not begin
         except BaseException:
             motion.close()
             raise
@@ -271,14 +287,14 @@ class Pilot:
         try:
             await asyncio.wait({moving}, timeout=PERIOD)
             while not moving.done():
-                guard.look()
+                guard.check()
                 await asyncio.wait({moving}, timeout=PERIOD)
         except BaseException as reason:
             robot.halt()
             if isinstance(reason, Refusal):
                 self.halted_by(reason)
             await self._rest(moving, reason)
-            motion.close()  # for one that was ended before its first step
+            motion.close()  # for a motion that ended before its first step
             raise
         if self._veto and moving.exception():
             self.halted_by(self._veto)
@@ -287,7 +303,8 @@ class Pilot:
         return Leg(robot.fix.pose, robot.odometer - driven, robot.clock() - began)
 
     async def _begin(self, motion: Coroutine[Any, Any, None], brakings: int) -> None:
-        """Look once more whether anybody has braked, and begin in the same step, so that nothing comes between."""
+        """Check once more that nobody has braked, and begin in the same step of the event loop, so that no stop comes
+        between."""
         try:
             self._not_braked_since(brakings)
         except Refusal:
@@ -304,22 +321,22 @@ class Pilot:
             raise
 
     async def _rest(self, moving: asyncio.Future[None], reason: BaseException) -> None:
-        """Let a motion that was told to halt end: whoever was refused hears of it at rest."""
+        """Wait for the end of a motion that was halted: a refusal is answered when the robot is at rest."""
         try:
             if isinstance(reason, Refusal):
                 logger.warning("The guard halted the robot: %s", reason)
                 await asyncio.wait({moving}, timeout=REST_TIME)
         finally:
-            moving.cancel()  # also when the one who waits here is cancelled: nothing of this motion may outlive it
+            moving.cancel()  # also when this task is cancelled: nothing of the motion may outlive it
             await asyncio.gather(moving, return_exceptions=True)
 
     @contextlib.contextmanager
     def _motion(self, intent: _Intent, goal: Pose | None) -> Iterator[int]:
-        """The rules that every motion has to pass, and the promise that it does not outlive this block. Yields how
-        often somebody had braked: a motion that begins later has to find the same number."""
+        """Check the rules that every motion has to pass, and halt the robot if this block ends before the motion does.
+        Yields the count of brakings: the motion may begin only while the count is still the same."""
         self._may_move(goal)
         self._motions.take(self.robot.clock())
-        self._drop_preview()  # what moves is not what was only computed
+        self._drop_preview()  # a path that is only computed must not be shown beside the driven one
         self._intent, self._veto, self.halted = intent, None, None
         arrived = False
         try:
@@ -333,18 +350,18 @@ class Pilot:
             self._intent = None
 
     def _may_move(self, goal: Pose | None) -> None:
-        """What every motion has to pass before anything is computed, apart from how often it may begin."""
+        """Check the rules that need no path: every motion and every rehearsal has to pass them. Raises `Refusal`."""
         safety.not_stopped(self.stopped)
         safety.idle(self._intent.activity if self._intent else None)
         safety.battery_suffices(self.robot.battery, goal, self.robot.places, self.limits)
 
     def _not_braked_since(self, brakings: int) -> None:
-        # A stop that was pressed and released meanwhile counts: a release never lets a motion begin.
+        # A stop that was released meanwhile counts, too: a release never lets a motion begin.
         if self._brakings != brakings:
             self._tell_why()
 
     def _tell_why(self) -> NoReturn:
-        """The refusal that answers whoever was interrupted by a halt."""
+        """Raise the refusal for a call that a halt interrupted."""
         safety.not_stopped(self.stopped)
         raise Refusal("stopped", "The robot was halted before it was done.")
 

@@ -1,7 +1,7 @@
-"""The safety layer, before a motion: rules between a tool and the robot. Deterministic, and they trust nobody.
+"""The safety rules before a motion: they decide what may begin, whoever asks, and they are deterministic.
 
 Each rule is a plain function that returns nothing or raises `Refusal`; none of them knows a tool, a socket or a clock.
-These decide what may begin at all; those of `guard` look at the robot all the time while it moves.
+guard.py has the rules while the robot moves.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from backend.config import Limits
 from backend.mcp_robot.motion import keep_out
 from backend.mcp_robot.navigation.grid import FREE, OCCUPIED, Floats, OccupancyGrid
-from backend.mcp_robot.navigation.places import at_dock
+from backend.mcp_robot.navigation.named_places import at_dock
 from backend.mcp_robot.refusal import Refusal
 from backend.mcp_robot.robot import TopologicalMap
 from backend.telemetry import Battery, Pose, Stop, Zone
@@ -25,16 +25,16 @@ GOAL_MARGIN = 0.05
 PATH_MARGIN = 0.05
 """How much nearer (m) to a wall than its footprint a planned path may pass: about what a map's cells leave open."""
 PATH_STEP = 0.05
-"""Metres between the points of a way that are looked at."""
+"""Metres between the points of a path that are checked."""
 FARTHEST = 1e6
-"""Metres from the origin beyond which nothing is a place."""
+"""Metres from the origin beyond which a point of a path cannot be right."""
 LET_OUT = 0.6
-"""The first so many m of a path may be as tight as where the robot stands already."""
+"""For the first so many m a path may be as near to a wall as the robot already stands."""
 MAX_TURN_DEGREES = 3600.0
 
 
 def finite(**numbers: float | None) -> None:
-    """Every number is one: neither NaN nor infinite."""
+    """Every number is finite: neither NaN nor infinite."""
     for name, value in numbers.items():
         if value is not None and not math.isfinite(value):
             raise Refusal("not_finite", f"{name} must be an ordinary number, not {value}.")
@@ -47,7 +47,7 @@ def not_stopped(stop: Stop | None) -> None:
 
 
 def idle(activity: str | None) -> None:
-    """Nothing else is under way; `activity` says what is, as "driving to lab 2.3.7"."""
+    """Nothing else is under way. `activity` names what is, such as "driving to lab 2.3.7"; None for nothing."""
     if activity:
         raise Refusal("busy", f"The robot is {activity}. Wait until that is done, or cancel it.")
 
@@ -85,7 +85,7 @@ def goal_keeps_out(zones: Sequence[Zone], grid: OccupancyGrid, goal: Pose, footp
 def path_is_free(grid: OccupancyGrid, zones: Sequence[Zone], points: Floats, footprint_radius: float) -> None:
     """The footprint fits everywhere along a planned path, shape (n, 2): on the map, beside walls, off the zones.
 
-    A robot that stands too near to something already is let out: for the first metres it need only not get nearer.
+    A robot that already stands too near to something may drive out: for the first LET_OUT m it must only get no nearer.
     """
     if not np.isfinite(points).all() or np.abs(points).max(initial=0.0) > FARTHEST:
         raise Refusal("not_finite", "The way that was planned has points that are no places. Choose another goal.")
@@ -109,7 +109,7 @@ def path_is_free(grid: OccupancyGrid, zones: Sequence[Zone], points: Floats, foo
 
 
 def _dense(points: Floats) -> tuple[Floats, Floats]:
-    """The same way with points at most PATH_STEP apart, shape (n, 2), and how far along it each of them lies, in m."""
+    """The same path with points at most PATH_STEP apart, shape (n, 2), and the distance of each along it, in m."""
     way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     along = np.union1d(way, np.arange(0.0, way[-1], PATH_STEP))
     return np.stack([np.interp(along, way, points[:, 0]), np.interp(along, way, points[:, 1])], axis=1), along
@@ -122,7 +122,7 @@ def _extent(grid: OccupancyGrid) -> str:
 
 
 def _advice(grid: OccupancyGrid, goal: Pose, needed: float, zones: Sequence[Zone] = (), reach: float = 2.0) -> str:
-    """Where it is free near there."""
+    """A sentence with the free point that is nearest to the goal, within `reach` m."""
     cells = np.arange(-reach, reach + 0.05, 0.1)
     dx, dy = (a.ravel() for a in np.meshgrid(cells, cells))
     points = np.stack([goal.x + dx, goal.y + dy], axis=1)
@@ -136,7 +136,7 @@ def _advice(grid: OccupancyGrid, goal: Pose, needed: float, zones: Sequence[Zone
 
 
 def battery_suffices(battery: Battery, goal: Pose | None, places: TopologicalMap, limits: Limits) -> None:
-    """There is charge enough to move, or the goal is a dock."""
+    """The charge is above the floor, or the goal is a dock."""
     if battery.level >= limits.battery_floor:
         return
     if goal and at_dock(goal, places):
@@ -152,13 +152,13 @@ def where_to_charge(places: TopologicalMap) -> str:
 
 
 def turn_fits(degrees: float) -> None:
-    """Not more than ten turns at once."""
+    """Not more than ten full turns in one motion."""
     if abs(degrees) > MAX_TURN_DEGREES:
         raise Refusal("too_long", f"A turn of {degrees:.0f}° is more than {MAX_TURN_DEGREES:.0f}° at once.")
 
 
 def speech_fits(text: str, limits: Limits) -> None:
-    """There is something to say, and not too much of it."""
+    """The text is not empty and not too long."""
     if not text.strip():
         raise Refusal("empty", "There is nothing to say in an empty text.")
     if len(text) > limits.max_speech_chars:
@@ -168,18 +168,19 @@ def speech_fits(text: str, limits: Limits) -> None:
 
 
 class Rate:
-    """Not more than `most` of something within any minute; `what` names them, as "motions". Time is passed in."""
+    """Not more than `most` of something within any minute; `what` names it in the plural, such as "motions". The caller
+    passes the time in."""
 
     def __init__(self, what: str, most: int) -> None:
         self._what = what
         self._most = most
-        self._begun: deque[float] = deque(maxlen=most)  # when each of the last ones began
+        self._begun: deque[float] = deque(maxlen=most)  # when each of the latest ones began, in s
 
     def take(self, now: float) -> None:
-        """One more begins now (s). Raises `Refusal`."""
+        """Count one more that begins at `now` (s). Raises `Refusal` (too_often)."""
         oldest = self._begun[0] if len(self._begun) == self._most else -math.inf
         left = oldest + 60.0 - now
-        if 0.0 < left <= 60.0:  # more than that: the clock was set back
+        if 0.0 < left <= 60.0:  # more than 60 s would mean that the clock was set back
             raise Refusal(
                 "too_often",
                 f"{self._most} {self._what} were begun within a minute, the most that is allowed. "

@@ -1,7 +1,7 @@
 """The stop latch: once set, nothing moves until a person releases it, not even after a restart.
 
-Kept in one small file of the data folder. A file that cannot be read counts as a stop: in doubt the robot stands.
-It is no certified safety function. Releasing never restarts a motion.
+The latch is kept in one small file of the data folder. A file that cannot be read counts as a stop: in doubt the robot
+stands still. It is no certified safety function. Releasing it never restarts a motion.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ logger = logging.getLogger(__name__)
 
 
 class StopLatch:
-    """The latch and its file. `stop` is what it is set to, None when it is released."""
+    """The latch and its file. `stop` says who set it and when; None while it is released."""
 
     def __init__(self, data_dir: Path) -> None:
         self._file = data_dir / FILE
@@ -37,14 +37,15 @@ class StopLatch:
             return Stop(by="an unreadable stop file", at=0.0)
 
     def set(self, by: str, at: float) -> Stop:
-        """Set it. The first one is kept: a second press changes neither who nor when."""
+        """Set the latch, at `at` in Unix seconds. A second press changes neither the name nor the time of the first."""
         if self.stop is None:
             self.stop = Stop(by, at)
             self._write(self.stop)
         return self.stop
 
     def release(self) -> None:
-        """Release it. Raises `OSError`, and stays set, when the file cannot be removed: a restart would find it."""
+        """Release the latch. Raises `OSError`, and stays set, when its file cannot be removed, which a restart would
+        find."""
         self._file.unlink(missing_ok=True)
         self.stop = None
 
@@ -63,6 +64,6 @@ class StopLatch:
 
 
 def name_of(by: str | None) -> str:
-    """Who pressed, as one clean line; a stop without a usable name is still a stop."""
+    """The name of the person who pressed, as one printable line. A stop without a usable name is still a stop."""
     name = " ".join(by.split())[:MAX_NAME] if by else ""
     return "".join(c for c in name if c.isprintable()) or "someone"

@@ -1,8 +1,8 @@
 """Follows a path: from pose, twist and path to the next twist, within limits.
 
 Plain functions and frozen data: no clock, no state of its own, no map. Pure pursuit (Coulter 1992) with a speed profile
-that is computed once for a path, slow in turns and to rest at its end. It never asks for more than the limits allow;
-whether the floor ahead is free is not its business.
+that is computed once for a path, slow in turns and to rest at its end. It never asks for more than the limits allow. It
+does not check whether the floor ahead is free.
 """
 
 from __future__ import annotations
@@ -21,27 +21,29 @@ from backend.telemetry import Pose, Twist
 LOOKAHEAD = 0.16
 """Distance in m of the point on the path that is steered at."""
 LOOKAHEAD_TIME = 0.4
-"""The same grows by this many seconds' way."""
+"""LOOKAHEAD grows by the distance that the robot drives in so many seconds."""
 STEERING_GAIN = 2.0
-"""At least so many rad/s of turn for each rad that the point lies off the bow, however slow it is."""
+"""rad/s of turn for each rad of bearing to that point, at least, however slowly the robot drives."""
 TURN_FIRST = math.pi / 4
-"""Further off the bow than this, it turns on the spot."""
+"""With a bearing larger than this (rad) the robot turns on the spot first."""
 CAUTIOUS_LOOKAHEAD, CAUTIOUS_TURN_FIRST, CAUTIOUS_SPEED = 0.1, 0.1, 0.15
-"""The same beside an obstacle: straight to a near point of the path, slowly."""
+"""The same (m, rad) and a speed (m/s) beside an obstacle: straight to a near point of the path, slowly."""
 CRAWL = 0.04
-"""Slowest speed that still counts as driving, m/s: so that the end is reached and not only approached."""
+"""Slowest speed of the profile in m/s, so that the robot reaches the end and does not only approach it."""
 POSITION_TOLERANCE = 0.02
+"""m along the path from the goal at which the robot has arrived."""
 YAW_TOLERANCE = 0.01
+"""rad from the wanted yaw at which a turn is done."""
 COMFORT = 0.85
-"""Share of the acceleration limit that the profile plans with; the rest is for following."""
+"""Share of the acceleration limit that the profile uses; the rest is left for corrections."""
 
 Phase = Literal["drive", "align", "done"]
 
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """A path prepared for following: points, way along it in m, fastest speed at each point in m/s, and the seconds
-    from each point to the end."""
+    """A path prepared for following. For each point: x and y in m, distance along the path in m, fastest speed in m/s,
+    and seconds to the end."""
 
     x: list[float]
     y: list[float]
@@ -83,7 +85,8 @@ def track(points: Floats, goal: Pose, final_yaw: bool, limits: Limits) -> Track:
 
 
 def _speed_in_turns(points: Floats, limits: Limits) -> Floats:
-    """Speed at which each point's curvature asks for two thirds of the turn rate, looked at over a third of a metre."""
+    """The speed in m/s at which each point's curvature needs two thirds of the turn rate. Curvature is measured over a
+    third of a metre."""
     speed: Floats = np.full(len(points), limits.max_speed)
     reach = 3
     if len(points) > 2 * reach:
@@ -102,7 +105,7 @@ def _speed_in_turns(points: Floats, limits: Limits) -> Floats:
 def follow(
     pose: Pose, twist: Twist, track: Track, along: float, limits: Limits, dt: float, *, cautious: bool = False
 ) -> Command:
-    """The next command of a robot that is `along` m down its track. `cautious` keeps close to it, slowly."""
+    """The next command of a robot that is `along` m along its track. `cautious` stays close to the track, slowly."""
     along = _progress(pose, track, along)
     left = track.length - along
     if left <= POSITION_TOLERANCE:
@@ -166,7 +169,7 @@ def _towards(value: float, wanted: float, change: float) -> float:
 
 
 def _progress(pose: Pose, track: Track, along: float) -> float:
-    """How far along the robot is: the nearest point of the track, at the last one or up to a metre beyond it."""
+    """How far along the track the robot is, in m: its nearest point, from the latest one up to a metre beyond it."""
     index = _index(track, along)
     best, best_distance = along, math.inf
     while index < len(track.x) - 1 and track.along[index] <= along + 1.0:
@@ -195,7 +198,8 @@ def _index(track: Track, along: float) -> int:
 
 
 def _point(track: Track, along: float) -> tuple[float, float]:
-    """The point `along` m down the track; beyond its end straight on, so that the bow stays put while arriving."""
+    """The point `along` m along the track. Beyond its end the track goes straight on, so that an arriving robot keeps
+    its heading."""
     if along >= track.length:
         back = max(0, len(track.x) - 4)
         dx, dy = track.x[-1] - track.x[back], track.y[-1] - track.y[back]
@@ -226,7 +230,7 @@ def ahead(track: Track, along: float, reach: float) -> Floats:
 def remaining(track: Track, along: float, pose: Pose, limits: Limits) -> Remaining:
     """What is left, and about how long it takes: turning to the path, the profile's time, turning to the goal's yaw.
 
-    The angle is only told once it is all that is left.
+    The angle is 0 until only the final turn is left.
     """
     left = max(0.0, track.length - along)
     if left <= POSITION_TOLERANCE:

@@ -1,4 +1,4 @@
-"""The occupancy grid: what is wall, what is floor, what nobody has seen, and how far a point is from a wall.
+"""The occupancy grid: which cells are free, occupied or unknown, and how far a point is from the next wall.
 
 Row 0 of every array is at the bottom (smallest y), so that an index grows with its coordinate. Immutable once made:
 planner, laser and safety rules read it from several threads.
@@ -20,7 +20,7 @@ KEEP_OUT = 254
 UNKNOWN = 255
 
 CLEARANCE_CAP = 3.0
-"""Distances are exact up to this many metres; beyond, nothing needs them."""
+"""Distances are exact up to so many metres, and never reported larger."""
 
 Floats = npt.NDArray[np.float64]
 Floats32 = npt.NDArray[np.float32]
@@ -69,7 +69,7 @@ class OccupancyGrid:
         return distance_field(self.cells != FREE, self.resolution, CLEARANCE_CAP)
 
     def clearance(self, x: float, y: float) -> float:
-        """Metres of free space around a point, never too much: 0 or less in a wall or outside the map."""
+        """Metres of free space around a point, never too large: 0 or less in a wall or outside the map."""
         u = (x - self.origin_x) / self.resolution - 0.5
         v = (y - self.origin_y) / self.resolution - 0.5
         column, row = int(u // 1), int(v // 1)
@@ -82,7 +82,7 @@ class OccupancyGrid:
         return float(low * (1 - b) + high * b) - self._half_diagonal
 
     def clearances(self, points: npt.NDArray[Real]) -> npt.NDArray[Real]:
-        """`clearance` of many points, shape (n, 2) -> (n,), as precise as they are."""
+        """`clearance` of many points, shape (n, 2) -> (n,), in the precision of the points."""
         u = (points[:, 0] - self.origin_x) / self.resolution - 0.5
         v = (points[:, 1] - self.origin_y) / self.resolution - 0.5
         column = np.floor(u).astype(np.intp)
@@ -100,7 +100,8 @@ class OccupancyGrid:
     def with_occupied(self, points: Floats) -> OccupancyGrid:
         """The same grid with the cells of these points, shape (n, 2), occupied; those outside the map are left out.
 
-        Its distance field is this one's with the new cells' own laid over it: exact, and much cheaper than anew.
+        Its distance field is the minimum of this one's and the distances to the new cells: exact, and much cheaper than
+        to compute it anew.
         """
         column = ((points[:, 0] - self.origin_x) // self.resolution).astype(np.intp)
         row = ((points[:, 1] - self.origin_y) // self.resolution).astype(np.intp)
@@ -127,7 +128,7 @@ class OccupancyGrid:
         return self.resolution * float(np.sqrt(0.5))
 
     def segment_clearance(self, start: tuple[float, float], end: tuple[float, float]) -> float:
-        """The smallest clearance along a straight line, looked at every half cell."""
+        """The smallest clearance along a straight line, sampled every half cell, in m."""
         return float(self.clearances(sample(start, end, self.resolution / 2)).min())
 
 

@@ -1,4 +1,4 @@
-"""Finds a way: the cheapest over the inflated grid, where cheap is short and far from walls, then made smooth.
+"""Plans a path: the cheapest over the inflated grid, where short and far from walls is cheap, then smoothed.
 
 Plain functions over an immutable grid, safe to run in a thread. No point of a path is nearer to anything that is not
 free floor than `radius`, neither before nor after smoothing.
@@ -14,7 +14,7 @@ from backend.mcp_robot.navigation.search import SearchGrid, Unreachable, cheapes
 __all__ = ["SearchGrid", "Unreachable", "length", "plan", "resample", "search_grid"]
 
 CORNER_ROOM = 0.12
-"""How much farther (m) than the inflated obstacle a rounded corner stays where the search did."""
+"""A rounded corner stays so much farther (m) from walls than `radius`, where the search left that much room."""
 SPACING = 0.05
 """Distance between the points of a finished path, in m."""
 ATTACH = 0.6
@@ -32,7 +32,7 @@ def plan(
     """A smooth path from `start` to `goal`, points SPACING apart, shape (n, 2). Raises `Unreachable`.
 
     `obstacles` are points in the way that the grid does not know, shape (n, 2).
-    Start and goal themselves may be nearer to a wall than `radius`: the robot may stand so, and is let out.
+    Start and goal themselves may be nearer to a wall than `radius`: a robot that already stands so can drive out.
     """
     if np.hypot(goal[0] - start[0], goal[1] - start[1]) < SPACING:
         return np.array([start, goal])
@@ -105,8 +105,8 @@ def _cumulated_cost(grid: OccupancyGrid, points: Floats, radius: float) -> Float
 def _smooth(grid: OccupancyGrid, points: Floats, radius: float, rounds: int = 120) -> Floats:
     """Round the corners: each inner point moves towards the middle of its neighbours, unless that is too near a wall.
 
-    Judged point by point at SPACING, which leaves less than a millimetre between points unseen; ends stay. Rounding may
-    not spend all the room that the search kept: the robot that follows will cut the corner a little once more.
+    Points are checked SPACING apart, which misses less than a millimetre between them; the ends stay. Rounding leaves
+    CORNER_ROOM, because the robot that follows the path cuts the corner a little once more.
     """
     if len(points) < 3:
         return points

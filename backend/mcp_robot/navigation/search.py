@@ -1,7 +1,7 @@
-"""The cheapest way over a grid of cells, on two levels: coarse over the whole map, then fine along what was found.
+"""The cheapest way over a grid of cells, on two levels: coarse over the whole map, then fine along the coarse result.
 
-Plain functions over immutable grids, safe in a thread. The coarse level is never narrower than the fine one: what it
-calls unreachable is.
+Plain functions over immutable grids, safe in a thread. The coarse level leaves at least as much open as the fine one:
+what is unreachable on the coarse level is unreachable.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class SearchGrid:
 
     @property
     def rows(self) -> int:
-        """How many rows it has."""
+        """The number of rows."""
         return self.cost.size // self.columns
 
     def centre(self, index: Indices) -> Floats:
@@ -98,7 +98,8 @@ def search_grid(grid: OccupancyGrid, radius: float) -> SearchGrid:
 
 def _cost(grid: OccupancyGrid, centres: Floats, cell: float, radius: float) -> Floats:
     clearance = grid.clearances(centres)
-    # Between two open neighbours the clearance can be smaller than at both: by how much, Pythagoras says.
+    # Between two open neighbours the clearance can be smaller than at both: at worst they are half a diagonal away, at
+    # a right angle to the wall's distance.
     needed = float(np.hypot(radius, cell * np.sqrt(0.5)))
     return np.where(clearance >= needed, wall_cost(clearance, radius), np.inf)
 
@@ -117,7 +118,7 @@ def cheapest(search: SearchGrid, start: int, goal: int) -> Indices:
     around: Indices = np.unique(rough[:, None] + beside)
     try:
         return _a_star(_fine(search, around), search.columns, start, goal)
-    except Unreachable:  # the blocks promised a way that is none: look everywhere
+    except Unreachable:  # the blocks joined cells that are not joined: search the whole fine level
         return _wavefront(search, start, goal)
 
 
@@ -170,7 +171,8 @@ def _wavefront(search: SearchGrid, start: int, goal: int) -> Indices:
 
 
 def _a_star(half: Mapping[int, float], columns: int, start: int, goal: int) -> Indices:
-    """The same by A* (Hart, Nilsson and Raphael 1968), faster where there are few cells: `half` their cost, if open."""
+    """The same by A* (Hart, Nilsson and Raphael 1968), faster on few cells. `half` is half the cost of each open
+    cell."""
     diagonal = math.sqrt(2.0)
     steps = [(r * columns + c, diagonal if r and c else 1.0) for r in (-1, 0, 1) for c in (-1, 0, 1) if r or c]
     goal_row, goal_column = divmod(goal, columns)

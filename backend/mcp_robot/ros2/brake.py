@@ -1,8 +1,8 @@
 """Brings the robot to rest through ROS: cancels the goals of all clients, and sends zero velocity.
 
-Zero velocity goes where Nav2's own controllers send theirs, so that the velocity smoother and the collision monitor
-stay in the way of it. Both are repeated while held, for a while after a halt, and until the halted goal has ended and
-the robot stands: whoever else commands the robot does not get far. It never sends any velocity but zero.
+Zero velocity goes to the topic of Nav2's own controllers, so that it passes the velocity smoother and the collision
+monitor, too. Both are repeated while held, for a while after a halt, and until the halted goal has ended and the robot
+stands: another program that commands the robot does not get far. It never sends any velocity but zero.
 """
 
 from __future__ import annotations
@@ -21,41 +21,50 @@ from rclpy.qos import QoSProfile
 from backend.config import Ros2
 from backend.mcp_robot.refusal import Refusal
 from backend.mcp_robot.ros2.goals import Goal
-from backend.mcp_robot.ros2.link import RosLink
-from backend.mcp_robot.ros2.waiting import until
+from backend.mcp_robot.ros2.ros_thread import RosThread
+from backend.mcp_robot.ros2.waiting import Waits, until
 
 logger = logging.getLogger(__name__)
 
 PERIOD = 0.05
-"""Seconds between zero velocities: as often as Nav2's controllers speak."""
+"""Seconds between zero velocities: as often as Nav2's controllers publish."""
 PULSE = 1.0
 """Seconds for which a halt without a latch brakes at least."""
 CANCEL_EVERY = 0.2
 """Seconds between cancelling everybody's goals while braking."""
 ANSWER_LIMIT = 1.0
-"""Seconds after which a cancel that is not answered is asked again: whoever should answer may have been killed."""
-PATIENCE = 3.0
-"""Seconds that a halted goal may take to end before the log tells of it, and a new motion is refused."""
+"""Seconds after which a cancel without an answer is sent again: its server may have been killed."""
 UNKNOWN_GOAL = CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
 
 
 class Brake:
-    """To be made on the ROS thread; `halt`, `hold` and `let_go` may be called from any."""
+    """To be made on the ROS thread; `halt`, `hold` and `let_go` may be called from any thread."""
 
-    def __init__(self, link: RosLink, settings: Ros2, clock: Callable[[], float], moves: Callable[[], bool]) -> None:
-        self._link = link
+    def __init__(
+        self,
+        ros: RosThread,
+        settings: Ros2,
+        clock: Callable[[], float],
+        moves: Callable[[], bool],
+        *,
+        patience: float = Waits.halted_goal,
+    ) -> None:
+        """`clock` is the robot's, in Unix seconds; `moves` says whether it moves or may; `patience` is in s, as in
+        `Waits.halted_goal`."""
+        self._patience = patience
+        self._ros = ros
         self._settings = settings
         self._robot_clock = clock
         self._moves = moves
-        self._held = False  # set by hold
-        self._until = 0.0  # monotonic time until which it brakes in any case
+        self._held = False  # set by `hold`
+        self._until = 0.0  # monotonic time until which zero velocity is sent in any case
         self._settling = False  # from a halt until the robot stands
-        self._ordered: Future[None] | None = None  # the cancel of everything that the latest halt asked for
-        self._cancelled_at = 0.0  # monotonic time of the latest cancel of everything
+        self._ordered: Future[None] | None = None  # the latest halt's order to cancel all goals, until it is sent
+        self._cancelled_at = 0.0  # monotonic time at which all goals were cancelled last
         self._goals: tuple[Goal, ...] = ()  # our motions whose end is not known
-        self._unfinished_since: float | None = None  # monotonic time since when one is halted and has not ended
-        self._complained = False  # of that one
-        node = link.node
+        self._unfinished_since: float | None = None  # monotonic time since when a halted motion has not ended
+        self._complained = False  # whether the log has that motion already
+        node = ros.node
         self._zero = TwistStamped if settings.stamped else Twist
         self._publisher = node.create_publisher(self._zero, settings.cmd_vel, QoSProfile(depth=1))
         actions = dict.fromkeys((settings.navigate, settings.spin, *settings.stops))
@@ -63,17 +72,17 @@ class Brake:
         node.create_timer(PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def watch(self, goal: Goal) -> None:
-        """Take a motion that is about to begin to its end, should it be halted."""
+        """Know a motion that is about to begin, so that a halt is repeated until it has ended."""
         self._goals = (*(each for each in self._goals if each.unfinished), goal)
 
     def halt(self) -> None:
-        """Cancel all goals of everybody and send zero velocity, until all is at rest. Returns at once."""
+        """Cancel the goals of all clients and send zero velocity until the robot is at rest. Returns at once."""
         self._until, self._settling = time.monotonic() + PULSE, True
-        self._ordered = self._link.submit(self._cancel_all)  # first: a publisher that fails must not keep it
+        self._ordered = self._ros.submit(self._cancel_all)  # first: a publisher that fails must not prevent it
         self._publish()
 
     def hold(self, held: bool) -> None:
-        """Do so until told otherwise."""
+        """While `held`, go on cancelling and sending zero velocity."""
         self._held = held
         if held:
             self.halt()
@@ -81,25 +90,26 @@ class Brake:
             self._until = 0.0
 
     def reaches(self, action: str) -> bool:
-        """Whether the server of this action has answered a cancel: it hears this node, and its answers arrive.
+        """Whether the server of this action has answered a cancel, so that requests and answers arrive.
 
-        To see it is not enough: what a server answers before it has found who asked is lost.
+        That its server is in the ROS graph is not enough: an answer is lost that a server sends before it has
+        discovered the node that asked.
         """
         return any(each.answered for each in self._cancels if each.action == action)
 
     async def let_go(self) -> None:
-        """Brake no more for a halt that is over, once all cancels are answered: the next motion may begin.
+        """End the braking for a halt that is over, once all cancels are answered: the next motion may begin.
 
         Raises `Refusal` (timeout) when the motion that was halted has not ended.
         """
-        await until(self._is_quiet, PATIENCE, every=0.01)
+        await until(self._is_quiet, self._patience, every=0.01)
         if unfinished := self._unfinished:
             sentence = f"{unfinished[0].name} does not end the motion that was halted. Look at its log, or restart it."
             raise Refusal("timeout", sentence)
         self._until, self._settling = 0.0, False
 
     def _is_quiet(self) -> bool:
-        """Nothing is left of a halt that could end the next motion."""
+        """Whether nothing is left of a halt that could end the next motion."""
         asked = self._ordered is None or self._ordered.done()
         return asked and not self._unfinished and not any(each.waiting for each in self._cancels)
 
@@ -124,7 +134,7 @@ class Brake:
             return
         if self._unfinished_since is None:
             self._unfinished_since = now
-        if now - self._unfinished_since > PATIENCE and not self._complained:
+        if now - self._unfinished_since > self._patience and not self._complained:
             self._complained = True
             logger.error("%s has not ended a motion that was halted; it is cancelled on and on.", unfinished[0].name)
 
@@ -144,23 +154,24 @@ class Brake:
 
 
 class _Canceller:
-    """Cancels the goals of one action. On the ROS thread, but for `answered` and `waiting`."""
+    """Cancels the goals of one action. All but `answered` and `waiting` belongs to the ROS thread."""
 
     def __init__(self, node: Any, action: str) -> None:
         self.action = action
-        self._open: Any = None  # the cancel that was not answered yet: one at most
-        self._asked = 0.0  # monotonic time of that one
-        self._one = False  # the next cancel is for one goal
-        self.answered = False  # once at least
+        self._open: Any = None  # the cancel without an answer; one at most
+        self._asked = 0.0  # monotonic time when it was sent
+        self._one = False  # whether the next cancel names one goal
+        self.answered = False  # at least once
         self._client = node.create_client(CancelGoal, f"{action}/_action/cancel_goal")
 
     @property
     def waiting(self) -> bool:
-        """A cancel is under way that may still be answered."""
+        """Whether a cancel is under way that may still be answered."""
         return self._open is not None and time.monotonic() - self._asked < ANSWER_LIMIT
 
     def cancel(self, unfinished: list[Goal]) -> None:
-        """Cancel everybody's goals; in turn with that one of `unfinished`, whose answer tells whether it is known."""
+        """Cancel the goals of all clients; every second time only one of `unfinished`, because the answer to that says
+        whether the server still knows the goal."""
         if self.waiting:
             return
         if self._open is not None:
@@ -169,7 +180,7 @@ class _Canceller:
         if not self._client.service_is_ready():
             for goal in unfinished:
                 if goal.id is None and not goal.server_is_there():
-                    goal.forget()  # it was never accepted, and whoever could do so is gone
+                    goal.forget()  # it was never accepted, and its server is gone
             return
         # A request of zeros stands for all goals, whoever sent them (action_msgs/srv/CancelGoal).
         request = CancelGoal.Request()

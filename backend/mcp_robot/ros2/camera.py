@@ -1,7 +1,7 @@
-"""The robot's camera: a picture when one is asked for, and no traffic when none is.
+"""The camera of a ROS 2 robot: it subscribes to the topic only while pictures are asked for.
 
-A raw stream costs a processor core in Python: the topic is heard from the first request until nobody has asked for a
-while. An old picture is never given out for a new one.
+A raw stream costs a processor core in Python: so the subscription begins with the first request and ends some seconds
+after the last one. An old picture is never returned for a new one.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ from backend.config import Ros2
 from backend.mcp_robot.refusal import Refusal
 from backend.mcp_robot.robot import Picture
 from backend.mcp_robot.ros2 import convert
-from backend.mcp_robot.ros2.link import RosLink
+from backend.mcp_robot.ros2.ros_thread import RosThread
 from backend.mcp_robot.ros2.senses import LATEST, Senses
 from backend.mcp_robot.ros2.waiting import until
 
 KEEP = 5.0
-"""Seconds after the last request for which the topic is still heard."""
+"""Seconds after the last request for which the subscription stays."""
 NEW = 0.5
 """A picture that arrived within so many seconds is new."""
 
 
 class Camera:
-    """`photo` may be called by any number at once."""
+    """`photo` may be called several times at once."""
 
-    def __init__(self, link: RosLink, settings: Ros2, senses: Senses) -> None:
-        self._link = link
+    def __init__(self, ros: RosThread, settings: Ros2, senses: Senses) -> None:
+        self._ros = ros
         self._settings = settings
         self._senses = senses
         self._subscription: Any = None  # on the ROS thread
@@ -38,12 +38,12 @@ class Camera:
         self._asked = 0.0  # monotonic time of the latest request
 
     async def photo(self) -> Picture:
-        """What it sees now. Raises `Refusal` (no_camera)."""
+        """A picture that is new. Raises `Refusal` (no_camera)."""
         topic, limit = self._settings.image, self._settings.camera_timeout
         if not topic:
             raise Refusal("no_camera", "This robot has no camera: no topic is set for it.")
         self._asked = time.monotonic()
-        await self._link.run(self._listen)
+        await self._ros.run(self._listen)
         oldest = self._asked - NEW
         await until(lambda: self._latest and self._latest[1] > oldest, limit, every=0.01)
         latest = self._latest
@@ -60,11 +60,11 @@ class Camera:
     def _listen(self) -> None:
         if self._subscription is None:
             kind = CompressedImage if self._settings.image_type == "compressed" else Image
-            self._subscription = self._link.node.create_subscription(kind, self._settings.image, self._hear, LATEST)
+            self._subscription = self._ros.node.create_subscription(kind, self._settings.image, self._hear, LATEST)
 
     def _hear(self, message: Any) -> None:
         now = time.monotonic()
         self._latest = (message, now)
         if now - self._asked > KEEP:
-            self._link.node.destroy_subscription(self._subscription)
+            self._ros.node.destroy_subscription(self._subscription)
             self._subscription = self._latest = None

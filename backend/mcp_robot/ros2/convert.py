@@ -1,6 +1,7 @@
-"""From ROS messages to this program's types and back. Plain functions; what cannot be used raises `ValueError`.
+"""Converts ROS messages to this program's types and back. Plain functions.
 
-Messages come from outside: sizes are checked, and numbers that are none do not pass.
+Messages are outside input: sizes are checked, numbers have to be finite, and a message that cannot be used raises
+`ValueError`.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from backend.telemetry import Battery, Pose, Scan, Twist
 FREE_BELOW, OCCUPIED_FROM = 20, 65
 """Occupancy in percent, as map_server's usual thresholds: what lies between is unknown, so it is not driven on."""
 STANDSTILL = 0.003
-"""Slower than this (m/s, rad/s) is the noise of an encoder."""
+"""A speed below this (m/s, rad/s) is taken for the noise of an encoder."""
 CHARGING, FULL = 1, 4  # sensor_msgs/BatteryState
 MAX_CELLS = 64_000_000
 JPEG_QUALITY = 86
@@ -65,12 +66,13 @@ def twist(message: Any) -> Twist:
 
 
 def in_percent(message: Any) -> bool:
-    """Whether the driver of this sensor_msgs/BatteryState says `percentage` from 0 to 100, as some do, not to 1."""
+    """Whether the driver of this sensor_msgs/BatteryState counts `percentage` from 0 to 100, as some do, and not to
+    1."""
     return float(message.percentage) > 1.5
 
 
 def battery(message: Any, percent: bool) -> Battery:
-    """A sensor_msgs/BatteryState; `percent`: its driver says 0 to 100. Raises `ValueError`."""
+    """A sensor_msgs/BatteryState; with `percent` its driver counts from 0 to 100. Raises `ValueError`."""
     level = float(message.percentage)
     if not math.isfinite(level):
         raise ValueError("a battery without a percentage")
@@ -99,9 +101,9 @@ def grid(message: Any) -> OccupancyGrid:
 def scan(message: Any, sensor: Pose | None, robot: Pose) -> Scan:
     """A sensor_msgs/LaserScan, seen from the middle of the robot.
 
-    `sensor` is where the laser is in the robot's frame, None when nobody knows. Readings that hit nothing, or are none,
-    are `range_max`. A scan that cannot be used has no readings: nor has one of nothing but errors (REP 117: NaN, or
-    nearer than `range_min`), which a covered or dead laser sends.
+    `sensor` is the laser's pose in the robot's frame, None while it is unknown. Readings that hit nothing, and readings
+    that are errors, become `range_max`. A scan that cannot be used has no readings; neither has a scan of nothing but
+    errors (REP 117: NaN, or nearer than `range_min`), which a covered or dead laser sends.
     """
     ranges = np.array(message.ranges, dtype=np.float64)
     reach = float(message.range_max)

@@ -1,4 +1,4 @@
-"""What Nav2's error codes mean, as refusals that a person or an LLM can act on. A table and two functions."""
+"""Nav2's error codes as refusals with a sentence for a person or an LLM. A table and two functions."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _MEANING: dict[int, tuple[Code, str]] = {
 
 
 def aborted(name: str, result: Any) -> Refusal:
-    """Why an action gave up. Humble's results have no code: then all that is known is that it did."""
+    """The refusal for an action that was aborted. Humble's results have no error code, so there it is `nav_failed`."""
     number = int(getattr(result, "error_code", 0))
     said = str(getattr(result, "error_msg", "")).strip()[:200]
     detail = f" ({said})" if said else ""
@@ -41,5 +41,5 @@ def aborted(name: str, result: Any) -> Refusal:
 
 
 def cancelled(name: str) -> Refusal:
-    """Somebody else cancelled it."""
+    """The refusal for a motion that another client cancelled."""
     return Refusal("nav_failed", f"Another client of {name} cancelled the motion. Ask again when the robot is free.")

@@ -1,7 +1,7 @@
-"""Where one frame is in another, from what `/tf` and `/tf_static` said: the part of tf2 that a robot on a floor needs.
+"""Looks up transforms between frames of `/tf` and `/tf_static`: the part of tf2 that a robot on a floor needs.
 
-Transforms of the plane, the latest of each; no history and no interpolation. A chain is as old as its oldest moving
-link. No ROS, no clock: arrival times are passed in.
+Only the plane, and only the latest transform of each frame; no history and no interpolation. Frame names follow REP
+105. A chain is as old as its oldest transform that moves. No ROS, no clock: arrival times are passed in.
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ LONGEST_CHAIN = 32
 
 
 @dataclass(frozen=True)
-class Link:
-    """Where a frame is in its parent: `stamp` on the robot's clock, `arrived` on the caller's; infinite when fixed."""
+class Transform:
+    """The pose of a frame in its parent. `stamp` is on the robot's clock, `arrived` on the caller's, both in s and
+    infinite for a fixed transform."""
 
     parent: str
     pose: Pose
@@ -26,7 +27,7 @@ class Link:
 
 @dataclass(frozen=True)
 class Found:
-    """A pose, its stamp and when the oldest part of it arrived."""
+    """The result of a lookup: the pose, and stamp and arrival of the oldest transform in its chain, in s."""
 
     pose: Pose
     stamp: float
@@ -37,36 +38,38 @@ class Frames:
     """All frames. Written by one thread, read by any."""
 
     def __init__(self) -> None:
-        self._links: dict[str, Link] = {}  # child -> its place in its parent
+        self._transforms: dict[str, Transform] = {}  # child -> its place in its parent
 
-    def put(self, child: str, link: Link) -> None:
-        """The latest about one frame."""
-        self._links[_name(child)] = Link(_name(link.parent), link.pose, link.stamp, link.arrived)
+    def put(self, child: str, transform: Transform) -> None:
+        """Keep the latest transform of one frame."""
+        self._transforms[_name(child)] = Transform(
+            _name(transform.parent), transform.pose, transform.stamp, transform.arrived
+        )
 
     def find(self, frame: str, within: str) -> Found | None:
-        """Where `frame` is in `within`, None when nothing joins them in that direction."""
+        """The pose of `frame` in the frame `within`; None when no chain of parents leads there."""
         frame, within = _name(frame), _name(within)
         pose, stamp, arrived = Pose(0.0, 0.0, 0.0), math.inf, math.inf
         for _ in range(LONGEST_CHAIN):
             if frame == within:
                 return Found(pose, stamp, arrived)
-            link = self._links.get(frame)
-            if link is None:
+            transform = self._transforms.get(frame)
+            if transform is None:
                 return None
-            pose = compose(link.pose, pose)
-            stamp, arrived = min(stamp, link.stamp), min(arrived, link.arrived)
-            frame = link.parent
+            pose = compose(transform.pose, pose)
+            stamp, arrived = min(stamp, transform.stamp), min(arrived, transform.arrived)
+            frame = transform.parent
         return None
 
 
 def compose(a: Pose, b: Pose) -> Pose:
-    """The pose `b`, which is seen from `a`, seen from where `a` is."""
+    """The pose `b`, which is given in the frame of `a`, in the frame in which `a` is given."""
     cos, sin = math.cos(a.yaw), math.sin(a.yaw)
     return Pose(a.x + cos * b.x - sin * b.y, a.y + sin * b.x + cos * b.y, math.remainder(a.yaw + b.yaw, math.tau))
 
 
 def inverse(a: Pose) -> Pose:
-    """Where the origin is, seen from `a`."""
+    """The pose of the origin in the frame of `a`."""
     cos, sin = math.cos(a.yaw), math.sin(a.yaw)
     return Pose(-cos * a.x - sin * a.y, sin * a.x - cos * a.y, -a.yaw)
 

@@ -1,7 +1,7 @@
-"""One goal of a ROS action, from asking to its end, for asyncio: accepted or not, feedback, cancel, result.
+"""One goal of a ROS action, from sending to its end, for asyncio: acceptance, feedback, cancel, result.
 
-Every wait is limited: a server that does not answer, or falls silent, ends the wait with a refusal. A goal that nobody
-waits for any more is cancelled, also when it is accepted only later.
+Every wait has a limit: a server that does not answer, or falls silent, ends the wait with a refusal. A goal whose
+caller is gone is cancelled, also when it is accepted only later.
 """
 
 from __future__ import annotations
@@ -15,35 +15,35 @@ from typing import Any
 from action_msgs.msg import GoalStatus
 
 from backend.mcp_robot.refusal import Halted, Refusal
-from backend.mcp_robot.ros2.link import RosLink
+from backend.mcp_robot.ros2.ros_thread import RosThread
 from backend.mcp_robot.ros2.waiting import until
 
 SUCCEEDED, CANCELED, ABORTED = GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_CANCELED, GoalStatus.STATUS_ABORTED
 LOOK_EVERY = 0.1
-"""Seconds between looks at whether the server is still there."""
+"""Seconds between two checks that the server is still there."""
 
 
 class Goal:
     """A goal that is sent once."""
 
-    def __init__(self, link: RosLink, client: Any, name: str, answer_timeout: float) -> None:
+    def __init__(self, ros: RosThread, client: Any, name: str, answer_timeout: float) -> None:
         self.name = name
         self.halted = False  # set by halt; a goal that is accepted afterwards is cancelled at once
-        self._link = link
+        self._ros = ros
         self._client = client
         self._answer_timeout = answer_timeout
         self._handle: Any = None  # on the ROS thread: set when accepted
-        self._under_way = False  # set there: from when it is sent until its end is known
+        self._under_way = False  # on the ROS thread: from sending until the end is known
         self._heard = 0.0  # monotonic time of the latest feedback, or of acceptance
 
     def halt(self) -> None:
         """Cancel it, now or once it is accepted. Any thread; cannot fail."""
         self.halted = True
-        self._link.submit(self._cancel)
+        self._ros.submit(self._cancel)
 
     @property
     def unfinished(self) -> bool:
-        """It was halted, and nobody has said yet that it has ended."""
+        """Whether the goal was halted and its end is not known yet."""
         return self.halted and self._under_way
 
     @property
@@ -52,11 +52,11 @@ class Goal:
         return self._handle and self._handle.goal_id
 
     def forget(self) -> None:
-        """Its server does not know it (any more). On the ROS thread."""
+        """Its server does not know the goal, or no longer. On the ROS thread."""
         self._handle, self._under_way = None, False
 
     def server_is_there(self) -> bool:
-        """Whether the action's server is to be seen."""
+        """Whether the action's server is in the ROS graph."""
         return bool(self._client.server_is_ready())
 
     def _cancel(self) -> None:
@@ -125,7 +125,7 @@ class Goal:
         over = False
         try:
             await self._server()
-            await self._link.run(send)
+            await self._ros.run(send)
             if not await self._limited(accepted, "accept or reject the goal"):
                 raise Refusal("goal_rejected", f"{self.name} rejected the goal. Choose another, or look at its log.")
             end = await self._end(ended, silence, check)
@@ -135,7 +135,7 @@ class Goal:
             for future in (accepted, ended):
                 future.cancel()
                 if future.done() and not future.cancelled():
-                    future.exception()  # looked at: it is told elsewhere
+                    future.exception()  # or asyncio would log it: `_limited` and `_end` report it
             if not over:
                 self.halt()
 

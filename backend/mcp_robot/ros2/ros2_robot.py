@@ -1,8 +1,8 @@
 """A robot that runs ROS 2 and Nav2, as a `Robot`: topics to properties, actions to motions, failures to refusals.
 
-ROS lives in a thread of its own (`link.py`); nothing here blocks the event loop, and every wait has a limit. It begins
-to move only while a fresh pose in the map is known. Safety is Nav2's and the collision monitor's as well: nothing is
-published past them.
+ROS runs in a thread of its own (ros_thread.py); nothing here blocks the event loop, and every wait has a limit. A
+motion begins only while a fresh pose in the map is known. Nav2 and its collision monitor keep their own safety
+functions: nothing is published past them.
 """
 
 from __future__ import annotations
@@ -29,68 +29,70 @@ from backend.mcp_robot.ros2 import convert, failures
 from backend.mcp_robot.ros2.brake import Brake
 from backend.mcp_robot.ros2.camera import Camera
 from backend.mcp_robot.ros2.goals import ABORTED, CANCELED, SUCCEEDED, Goal
-from backend.mcp_robot.ros2.link import RosLink
+from backend.mcp_robot.ros2.ros_thread import RosThread
 from backend.mcp_robot.ros2.senses import Senses
 from backend.mcp_robot.ros2.voice import voice
-from backend.mcp_robot.ros2.waiting import until
+from backend.mcp_robot.ros2.waiting import Waits, until
 from backend.telemetry import Battery, Pose, Scan, Twist, Zone
 
 logger = logging.getLogger(__name__)
 
-START_LIMIT = 8.0
-"""Seconds that the start waits for the robot's parts; without them the server answers, and says what is missing."""
-REST_LIMIT = 3.0
-"""Seconds that a motion's end waits for the robot to stand, as odometry says."""
-SILENCE = 10.0
-"""Seconds without feedback after which an action has failed. Nav2 gives some many times a second."""
-BATTERY_TIMEOUT = 60.0
-"""Seconds of silence after which nobody knows the charge any more."""
 PLANNING_MARGIN = 0.05
+"""m that a path planned here stays farther from walls than the footprint needs."""
 
 
 class Ros2Robot:
     """A `Robot`. `running()` joins the ROS graph; before and after, nothing answers."""
 
     def __init__(
-        self, settings: Ros2, limits: Limits, *, name: str, places: TopologicalMap, zones: Sequence[Zone] = ()
+        self,
+        settings: Ros2,
+        limits: Limits,
+        *,
+        name: str,
+        places: TopologicalMap,
+        zones: Sequence[Zone] = (),
+        waits: Waits | None = None,
     ) -> None:
         self.name = name
         self.footprint_radius = settings.footprint_radius
         self.places = places
         self.on_reroute: Callable[[Floats], None] = lambda _: None  # called with the new way of a drive
         self._settings = settings
+        self._waits = waits or Waits()
         self._zones = tuple(zones)
         self._limits = limits
-        self._link = RosLink("robot_acp", settings.domain_id)
+        self._ros = RosThread("robot_acp", settings.domain_id)
         self._goal: Goal | None = None  # the motion under way
         self._remaining: Remaining | None = None  # what is left of it
-        self._starting = True  # until the robot's parts are found
-        self._halts = 0  # how often halt was called: what began before one must not go on after it
+        self._starting = True  # until the robot's parts are there
+        self._halts = 0  # how often `halt` was called: a motion that was asked for before must not go on after it
         self._search: tuple[OccupancyGrid, planner.SearchGrid] | None = None  # for the map that it was made of
         self._join()  # the ROS thread does not run yet
 
     @contextlib.asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
         """Be part of the ROS graph while inside."""
-        self._link.open()
+        self._ros.open()
         try:
             await self._wait_for_the_robot()
             yield
         finally:
-            with contextlib.suppress(Refusal):  # the brake has told the log
-                await self._brake.let_go()  # what was cancelled last has to get out
-            await asyncio.to_thread(self._link.close)
+            with contextlib.suppress(Refusal):  # the brake has logged it
+                await self._brake.let_go()  # the last cancel has to be sent
+            await asyncio.to_thread(self._ros.close)
 
     def _join(self) -> None:
-        node, s = self._link.node, self._settings
+        node, s = self._ros.node, self._settings
         self._senses = Senses(node, s, self._limits.pose_timeout, self._zones)
-        self._camera = Camera(self._link, s, self._senses)
+        self._camera = Camera(self._ros, s, self._senses)
         self._navigate = ActionClient(node, NavigateToPose, s.navigate)
         self._spin = ActionClient(node, Spin, s.spin)
         self._compute_path = ActionClient(node, ComputePathToPose, s.compute_path) if s.compute_path else None
-        self._voice = voice(self._link, s, self._senses.clock)
-        # After the clients: nodes hear of these in order, so that whoever answers a cancel has found the others, too.
-        self._brake = Brake(self._link, s, self._senses.clock, self._may_move)
+        self._voice = voice(self._ros, s, self._senses.clock)
+        # After the clients: other nodes discover these in order, so that a server that answers a cancel knows the rest,
+        # too.
+        self._brake = Brake(self._ros, s, self._senses.clock, self._may_move, patience=self._waits.halted_goal)
 
     async def _wait_for_the_robot(self) -> None:
         loop = asyncio.get_running_loop()
@@ -100,9 +102,9 @@ class Ros2Robot:
                 loop.call_soon_threadsafe(self._rerouted, points)
 
         self._senses.on_plan = rerouted
-        # A robot server that ended badly left its motion to Nav2: whatever it is, it ends now.
+        # A robot server that was killed has left its motion to Nav2: that motion ends now.
         self._brake.halt()
-        await until(lambda: not self._absent(), START_LIMIT)
+        await until(lambda: not self._absent(), self._waits.start)
         self._starting = False
         if self._senses.odometry:
             await self._at_rest()
@@ -116,11 +118,11 @@ class Ros2Robot:
                 logger.error("%s is not on free floor of the robot's map: is places.yaml of this map?", place.name)
 
     def _may_move(self) -> bool:
-        """Whether a halt has to go on: until the nodes have seen each other, nobody knows."""
+        """Whether the robot moves, or may move because its nodes have not been discovered yet."""
         return self._starting or self._senses.velocity.twist != Twist(0.0, 0.0)
 
     def _absent(self) -> list[str]:
-        """What a motion needs and has not been heard of yet."""
+        """The parts of the robot that a motion needs and that are not there yet."""
         senses, s = self._senses, self._settings
         present = {
             f"the map ({s.map})": senses.grid is not None,
@@ -144,16 +146,16 @@ class Ros2Robot:
 
     @property
     def velocity(self) -> Velocity:
-        """How it moves, as odometry says."""
+        """The velocity that odometry reports."""
         return self._senses.velocity
 
     @property
     def battery(self) -> Battery:
-        """Its charge; empty while it says nothing, full where it has no topic for it."""
+        """The charge of the battery: empty while its topic is silent, full where no topic is set for it."""
         if not self._settings.battery:
             return Battery(1.0, False)
-        told = self._senses.battery if self._senses.age("battery") <= BATTERY_TIMEOUT else None
-        return told or Battery(0.0, False)
+        charge = self._senses.battery if self._senses.age("battery") <= self._waits.battery else None
+        return charge or Battery(0.0, False)
 
     @property
     def grid(self) -> OccupancyGrid:
@@ -164,7 +166,7 @@ class Ros2Robot:
 
     @property
     def remaining(self) -> Remaining | None:
-        """What is left of the motion, as Nav2 says."""
+        """What is left of the motion, as Nav2 reports."""
         return self._remaining
 
     @property
@@ -177,7 +179,7 @@ class Ros2Robot:
         return self._senses.scan()
 
     async def plan(self, goal: Pose, *, final_yaw: bool) -> Route:
-        """A way there: Nav2's planner's while nothing moves, else our own on the map. Raises `Refusal`."""
+        """A path to the goal: by Nav2's planner while nothing moves, else by our own planner. Raises `Refusal`."""
         start = self._located().pose
         # Nav2's planner serves one at a time: asking it while it steers a drive would end that drive.
         client = self._compute_path if self._goal is None else None
@@ -193,8 +195,8 @@ class Ros2Robot:
         message = ComputePathToPose.Goal(use_start=False)
         self._address(message.goal, goal)
         name = self._settings.compute_path
-        status, result = await Goal(self._link, client, name, self._settings.answer_timeout).run(
-            message, silence=SILENCE
+        status, result = await Goal(self._ros, client, name, self._settings.answer_timeout).run(
+            message, silence=self._waits.silence
         )
         if status != SUCCEEDED:
             refusal = failures.aborted(name, result)
@@ -255,12 +257,12 @@ class Ros2Robot:
         self._located()
         if self._halts != halts:
             raise Halted
-        goal = self._goal = Goal(self._link, client, name, self._settings.answer_timeout)
+        goal = self._goal = Goal(self._ros, client, name, self._settings.answer_timeout)
         self._brake.watch(goal)
         self._remaining = begin
         try:
             status, result = await goal.run(
-                message, silence=SILENCE, on_feedback=on_feedback, check=self._not_lost_while_moving
+                message, silence=self._waits.silence, on_feedback=on_feedback, check=self._not_lost_while_moving
             )
         except Refusal:
             self._brake.halt()
@@ -290,7 +292,8 @@ class Ros2Robot:
         raise Refusal("lost", sentence)
 
     def _odometry_speaks(self) -> None:
-        """Without it the robot seems to stand, and nothing that it does would be looked at. Raises `Refusal` (lost)."""
+        """Odometry is not older than `pose_timeout`; without it the robot would seem to stand. Raises `Refusal`
+        (lost)."""
         if self._senses.age("odom") > self._limits.pose_timeout:
             advice = "Start what publishes it, or see `robot-acp doctor`."
             raise Refusal("lost", f"The robot's odometry is silent, on the topic {self._settings.odom}. {advice}")
@@ -302,14 +305,14 @@ class Ros2Robot:
             self._located()
 
     async def _at_rest(self) -> None:
-        """Wait until odometry that came after now says that it stands, for a limited time."""
+        """Wait for a limited time until new odometry says that the robot stands."""
         began = time.monotonic()
 
         def stands() -> bool:
             odometry = self._senses.odometry
             return odometry is not None and odometry.arrived > began and self.velocity.twist == Twist(0.0, 0.0)
 
-        if not await until(stands, REST_LIMIT):
+        if not await until(stands, self._waits.rest):
             logger.warning("The robot's odometry does not say that it stands.")
 
     def halt(self) -> None:
@@ -320,7 +323,7 @@ class Ros2Robot:
         self._brake.halt()
 
     def hold(self, held: bool) -> None:
-        """While held, keep cancelling everybody's goals and sending zero velocity."""
+        """While held, keep cancelling the goals of all clients and sending zero velocity."""
         self._brake.hold(held)
 
     def _rerouted(self, points: Floats) -> None:
@@ -328,7 +331,7 @@ class Ros2Robot:
             self.on_reroute(points)
 
     async def photo(self) -> Picture:
-        """What the camera sees. Raises `Refusal` (no_camera)."""
+        """A picture from the camera, taken now. Raises `Refusal` (no_camera)."""
         return await self._camera.photo()
 
     async def synthesize(self, text: str) -> Sound:

@@ -1,6 +1,7 @@
-"""What the robot's topics said last: pose, velocity, battery, map, laser, path, and when each was heard.
+"""The latest values of the robot's topics: pose, velocity, battery, map, laser, path, and when each arrived.
 
-Written by the ROS thread, one whole value at a time; read by any. It tells how old a value is and never makes one up.
+The ROS thread writes them, one whole value at a time; any thread reads them. A value always comes with its age, and
+none is made up.
 """
 
 from __future__ import annotations
@@ -28,26 +29,26 @@ from backend.mcp_robot.motion import keep_out
 from backend.mcp_robot.navigation.grid import Floats, OccupancyGrid
 from backend.mcp_robot.robot import NOWHERE, Fix, Velocity
 from backend.mcp_robot.ros2 import convert
-from backend.mcp_robot.ros2.frames import Frames, Link, compose, inverse
+from backend.mcp_robot.ros2.frames import Frames, Transform, compose, inverse
 from backend.telemetry import Battery, Pose, Scan, Twist, Zone
 
 logger = logging.getLogger(__name__)
 
 LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Of a stream only the newest matters, from publishers of either reliability."""
+"""For streams: only the newest message matters, from publishers of either reliability."""
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 ALL = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 CLOCK_PAUSE = 0.2
-"""Seconds that /clock may be silent before time goes on by itself: else nothing would ever be old."""
+"""Seconds of silence of /clock after which time goes on by itself: otherwise nothing would ever become old."""
 MOST_AHEAD = 5.0
-"""Seconds that a stamp may be ahead of the robot's clock, which is heard of late where it is a topic."""
+"""Seconds that a stamp may be ahead of the robot's clock: where the clock is a topic, it arrives late."""
 LONGEST_STEP = 5.0
-"""An odometry that jumps farther (m) was reset, and nothing was driven."""
+"""An odometry that jumps farther (m) was reset: the jump is not counted as driven."""
 
 
 @dataclass(frozen=True)
 class Heard:
-    """A pose that a topic told: `stamp` on the robot's clock, `arrived` on this computer's monotonic one."""
+    """A pose from a topic: `stamp` in s of the robot's clock, `arrived` in s of this computer's monotonic clock."""
 
     pose: Pose
     stamp: float
@@ -73,8 +74,10 @@ class Senses:
         self._located: tuple[Heard, Pose | None] | None = None  # last pose in the map, and the odometry then
         self._scan: tuple[Any, float, float] | None = None  # message, robot's time and monotonic time of its arrival
         self._converted: tuple[Any, Scan] | None = None  # the message converted last, and its scan
-        self._in_percent = False  # set once the battery's driver has said more than a share can be
-        self._maps = ThreadPoolExecutor(1, "map")  # a large map takes a while: neither ROS nor asyncio waits
+        self._in_percent = False  # set when the battery's driver has reported more than 1, as a percentage
+        self._maps = ThreadPoolExecutor(
+            1, "map"
+        )  # a large map takes a while to prepare: neither ROS nor asyncio waits for it
         self._time: tuple[float, float] | None = None  # of /clock, and the monotonic time when that was heard
         self._complained: set[str] = set()  # topics whose unusable messages were logged
         s = settings
@@ -86,14 +89,16 @@ class Senses:
             ("battery", s.battery, BatteryState, self._on_battery, LATEST),
             ("plan", s.plan, PathMessage, self._on_plan, LATEST),
             ("scan", s.scan, LaserScan, self._on_scan, LATEST),
-            # After the poses: who sees the robot at rest shall see the place too where it came to rest.
             ("odom", s.odom, Odometry, self._on_odometry, LATEST),
         ]
         if s.use_sim_time:
             wanted.append(("", "/clock", Clock, self._on_clock, LATEST))
-        for setting, topic, kind, heard, qos in wanted:
-            if topic:
-                node.create_subscription(kind, topic, self._guarded(setting or topic, heard), qos)
+        made = {
+            topic: node.create_subscription(kind, topic, self._guarded(setting or topic, heard), qos)
+            for setting, topic, kind, heard, qos in wanted
+            if topic
+        }
+        self._moving_frames: Any = made["/tf"]
 
     def _guarded(self, name: str, heard: Callable[[Any], None]) -> Callable[[Any], None]:
         def callback(message: Any) -> None:
@@ -116,12 +121,13 @@ class Senses:
         return told + max(0.0, time.monotonic() - arrived - CLOCK_PAUSE)
 
     def age(self, setting: str) -> float:
-        """Seconds since the topic of a setting was heard, infinite when it never was."""
+        """Seconds since the latest message on the topic of a setting; infinite before the first."""
         return time.monotonic() - self.arrivals.get(setting, -math.inf)
 
     @property
     def fix(self) -> Fix:
-        """Where the robot is: the newer of `amcl_pose` and the transform, else the odometry since the last of them."""
+        """Where the robot is: the newer of `amcl_pose` and the transform; when both are old, that pose moved on by
+        odometry."""
         heard, source = self._in_map()
         if heard is None:
             return NOWHERE
@@ -155,7 +161,7 @@ class Senses:
         return amcl, "amcl_pose"
 
     def scan(self) -> Scan:
-        """The latest laser scan; one without readings before the first, and where nobody knows where the laser is."""
+        """The latest laser scan; one without readings before the first, and while the laser's pose is unknown."""
         if self._scan is None:
             return Scan(0.0, self.fix.pose, -math.pi, math.tau, 0.0, [])
         message, heard, arrived = self._scan
@@ -184,7 +190,7 @@ class Senses:
             pose = Pose(where.x, where.y, convert.yaw(turn))
             stamp = math.inf if fixed else convert.seconds(each.header.stamp)
             if math.isfinite(pose.x) and math.isfinite(pose.y) and math.isfinite(pose.yaw):
-                self.frames.put(each.child_frame_id, Link(each.header.frame_id, pose, stamp, now))
+                self.frames.put(each.child_frame_id, Transform(each.header.frame_id, pose, stamp, now))
 
     def _on_static_frames(self, message: Any) -> None:
         self._on_frames(message, fixed=True)
@@ -194,7 +200,19 @@ class Senses:
         self._amcl = Heard(pose, convert.seconds(message.header.stamp), time.monotonic())
         self._remember()
 
+    def _take_waiting_frames(self) -> None:
+        """Take in all transforms that have arrived.
+
+        The executor takes one message of each topic a round. Of odometry only the newest waits, of transforms a hundred
+        can: after a stall the robot would seem to stand, and its pose would go on along the way that it had come.
+        """
+        handle = self._moving_frames.handle
+        with handle:
+            while (taken := handle.take_message(TFMessage, False)) is not None:
+                self._on_frames(taken[0])
+
     def _on_odometry(self, message: Any) -> None:
+        self._take_waiting_frames()
         pose, twist = convert.pose(message.pose.pose), convert.twist(message.twist.twist)
         before = self.odometry
         if before:
@@ -202,7 +220,7 @@ class Senses:
             self.odometer += way if way < LONGEST_STEP else 0.0
         stamp = convert.seconds(message.header.stamp)
         now = self.clock()
-        # A driver that does not date its messages, or by another clock, has measured when it is heard.
+        # Messages without a usable stamp count as measured when they arrive.
         dated = (before is None or stamp > before.stamp) and 0.0 < stamp <= now + MOST_AHEAD
         self.odometry = Heard(pose, stamp, time.monotonic())
         self.velocity = Velocity(twist, stamp if dated else now)
@@ -214,7 +232,7 @@ class Senses:
         def prepare() -> None:
             try:
                 ready = keep_out.applied(grid, self._zones)
-                ready.distance  # noqa: B018  # computed here, or else by who asks first: the guard, on the event loop
+                ready.distance  # noqa: B018  # computed now: otherwise the guard would compute it on the event loop
                 self.grid = ready
             except Exception:
                 logger.exception("The map cannot be used.")

@@ -1,7 +1,7 @@
 """Says sentences through ROS: by an action whose goal holds the text, or by a topic of std_msgs/String.
 
-It does not make sound itself. A sentence is over when the action says so; a topic says nothing, so there the time that
-saying it takes is waited for.
+It makes no sound itself. An action reports when a sentence is over; a topic does not, so there the adapter waits for as
+long as the sentence takes.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from backend.config import Ros2
 from backend.mcp_robot.refusal import Halted, Refusal
 from backend.mcp_robot.ros2.goals import SUCCEEDED, Goal
 from backend.mcp_robot.ros2.interfaces import Ros2Missing
-from backend.mcp_robot.ros2.link import RosLink
+from backend.mcp_robot.ros2.ros_thread import RosThread
 from backend.mcp_robot.ros2.waiting import EVERY, until
 
 PATIENCE = 3.0
@@ -37,9 +37,9 @@ class Voice(Protocol):
         """Stop speaking at once."""
 
 
-def voice(link: RosLink, settings: Ros2, clock: Callable[[], float]) -> Voice:
+def voice(ros: RosThread, settings: Ros2, clock: Callable[[], float]) -> Voice:
     """The robot's voice as the settings have it. Raises `Ros2Missing` for an action type that is not installed."""
-    return ActionVoice(link, settings) if settings.speech_action else TopicVoice(link, settings, clock)
+    return ActionVoice(ros, settings) if settings.speech_action else TopicVoice(ros, settings, clock)
 
 
 def action_type(name: str) -> Any:
@@ -55,22 +55,22 @@ def action_type(name: str) -> Any:
 class ActionVoice:
     """By an action: it is known when a sentence is over, and one can be ended."""
 
-    def __init__(self, link: RosLink, settings: Ros2) -> None:
-        self._link = link
+    def __init__(self, ros: RosThread, settings: Ros2) -> None:
+        self._ros = ros
         self._name, self._field = settings.speech_action, settings.speech_action_field
         self._answer_timeout = settings.answer_timeout
         self._type = action_type(settings.speech_action_type)
         if not hasattr(self._type.Goal(), self._field):
             sentence = f"A goal of {settings.speech_action_type} has no field {self._field}."
             raise Ros2Missing(f"{sentence} Set robot.ros2.speech_action_field.")
-        self._client = ActionClient(link.node, self._type, self._name)
+        self._client = ActionClient(ros.node, self._type, self._name)
         self._goal: Goal | None = None  # what is being said
 
     async def say(self, text: str, seconds: float) -> None:
         """Send the text as a goal, and wait for its end."""
         message = self._type.Goal()
         setattr(message, self._field, text)
-        goal = self._goal = Goal(self._link, self._client, self._name, self._answer_timeout)
+        goal = self._goal = Goal(self._ros, self._client, self._name, self._answer_timeout)
         try:
             status, _ = await goal.run(message, silence=START + PATIENCE * seconds)
         except Refusal as refusal:
@@ -100,11 +100,11 @@ class ActionVoice:
 class TopicVoice:
     """By a topic: an empty text ends what is being said."""
 
-    def __init__(self, link: RosLink, settings: Ros2, clock: Callable[[], float]) -> None:
+    def __init__(self, ros: RosThread, settings: Ros2, clock: Callable[[], float]) -> None:
         self._topic = settings.speech
         self._answer_timeout = settings.answer_timeout
         self._clock = clock
-        self._publisher = link.node.create_publisher(String, self._topic, 10) if self._topic else None
+        self._publisher = ros.node.create_publisher(String, self._topic, 10) if self._topic else None
         self._hushed = asyncio.Event()  # set by hush, replaced when something is said
         self._hushed.set()
 

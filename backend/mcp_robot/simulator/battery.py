@@ -1,15 +1,15 @@
-"""The battery: drains with time and with the way driven, charges at the dock. Plain arithmetic, time passed in."""
+"""The battery: it drains with time and distance, and charges at the dock. Plain arithmetic, time passed in."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 IDLE_DRAIN = 1 / (8 * 3600)
-"""Share a second: eight hours of standing."""
+"""Share of the charge per second: eight hours of standing."""
 WAY_DRAIN = 1 / 9000
-"""Share a metre: about nine kilometres."""
+"""Share of the charge per metre: about nine kilometres."""
 CHARGE = 1 / 3600
-"""Share a second at the dock."""
+"""Share of the charge per second at the dock."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
-"""What keeps a robot from knowing and doing exactly: an error of its localisation, and wheels that slip.
+"""Disturbances: an error of the robot's localisation, and wheels that slip.
 
-Plain state in time, seeded, no clock: the same steps give the same errors. Both are bounded, so that what is promised
-of the robot can be promised with them. With a scale of 0 nothing is drawn and nothing changes.
+Plain state in time, seeded, no clock: the same steps give the same errors. Both are bounded, so that tests can state
+what the robot still keeps. With a scale of 0 no random number is drawn and nothing changes.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ DRIFT = 0.5
 
 
 class Localisation:
-    """The error of the pose that the robot believes: drifts with the way, is drawn back by corrections.
+    """The error of the pose that the robot believes: it grows with distance, and corrections reduce it.
 
     `position` (m) and `heading` (rad) are the standard deviations of the error in each of x and y, and in yaw.
     """
@@ -39,7 +39,7 @@ class Localisation:
         self._progress = 1.0  # from one correction (0) to the next (1)
 
     def after(self, way: float, turn: float) -> None:
-        """Go on by `way` m and `turn` rad."""
+        """The error after the robot moved on by `way` m and `turn` rad."""
         if not self._scale.any():
             return
         self._progress += way / CORRECTION_WAY + abs(turn) / CORRECTION_TURN
@@ -51,7 +51,7 @@ class Localisation:
         self._error = self._from + self._progress * (self._to - self._from)
 
     def believed(self, pose: Pose) -> Pose:
-        """The pose that the robot takes a true one for."""
+        """The pose that the robot believes at a true one."""
         if not self._scale.any():
             return pose
         dx, dy, turn = self._error.tolist()
@@ -59,7 +59,7 @@ class Localisation:
 
 
 class Slip:
-    """Wheels that grip less than wholly: `share` is the most that they lose."""
+    """Wheels that slip: `share` is the most of their motion that they lose, from 0 to 1."""
 
     def __init__(self, share: float, generator: np.random.Generator) -> None:
         self._share = share
@@ -69,7 +69,7 @@ class Slip:
         self._slope = (0.0, 0.0)  # a second
 
     def after(self, dt: float, wheels: Twist, max_turn_rate: float) -> Twist:
-        """How the robot really moves while its wheels turn for `wheels`: never faster."""
+        """The robot's true twist when its wheels turn for the twist `wheels`; never faster."""
         if self._share == 0.0:
             return wheels
         if self._left <= 0.0:

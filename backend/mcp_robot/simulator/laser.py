@@ -1,7 +1,7 @@
 """A laser scanner over the occupancy grid, by sphere tracing: all around, 12 m, walls, closed doors and people.
 
-The distance field says how far every ray can jump without missing a wall, so that all rays need a few tens of array
-operations together instead of one lookup every few centimetres. Nothing here moves or remembers anything.
+The distance field says how far every ray can jump without missing a wall (sphere tracing, Hart 1996), so that all rays
+need a few tens of array operations together instead of one lookup every few centimetres. Nothing here keeps state.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ NOISE = 0.008
 ANGLE_MIN = -math.pi
 
 Disc = tuple[float, float, float]
-"""Something round that stands in the map frame: x, y and radius in m."""
+"""A round thing in the map frame: x, y and radius in m."""
 
 
 class Laser:
@@ -32,8 +32,8 @@ class Laser:
         self.increment = math.tau / rays
         self.angles: Floats = ANGLE_MIN + self.increment * np.arange(rays, dtype=np.float64)
         self._grid = grid
-        # How far a ray may go on from each cell: nothing in a wall, out of the map for ever. The border catches those
-        # that leave, so that no index needs a check; a jump never reaches farther.
+        # How far a ray may jump from each cell: 0 in a wall, infinitely far in the border outside the map. No jump is
+        # longer than the way to that border, so that no index needs a check.
         self._smallest = grid.resolution / 3
         jump = np.maximum(grid.distance - np.float32(grid.resolution * 1.42), np.float32(self._smallest))
         jump[grid.cells == OCCUPIED] = 0.0
@@ -54,7 +54,8 @@ class Laser:
         return ranges
 
     def cast(self, x: float, y: float, angles: Floats, reach: float = RANGE) -> Floats:
-        """How far rays from a point in these directions (map frame) go until they meet an occupied cell.
+        """The distance in m from a point in each of these directions (map frame) to the first occupied cell, `reach` at
+        most.
 
         Exact to about a third of a cell. Unknown cells and what lies outside the map let a ray pass.
         """

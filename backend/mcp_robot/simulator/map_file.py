@@ -1,7 +1,7 @@
 """Reads a map in ROS map_server format: `map.yaml` and its picture, as nav2_map_server would.
 
-The files are outside input: they are checked here once, and a mistake is told with the file, the field and what is
-wrong. Nothing is written.
+The files are outside input: they are checked here once, and an error names the file, the field and the reason. Nothing
+is written.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ MIDDLE_GREY = 205
 
 
 class WorldError(Exception):
-    """A world that cannot be used; the text says which file and what is wrong with it."""
+    """A world that cannot be used; the text names the file and the reason."""
 
 
 class _MapYaml(BaseModel):
@@ -64,7 +64,7 @@ def load(file: Path) -> tuple[OccupancyGrid, npt.NDArray[np.uint8]]:
     values, alpha = pixels[:, :, 0], pixels[:, :, 1]
     cells = _trinary(meta, values, alpha)
     shades = 255 - values if meta.negate else values.copy()
-    # A camera sees walls where the robot must not go: one look for both, whatever the thresholds.
+    # The camera has to show walls exactly where the robot must not drive, whatever the thresholds are.
     shades[(cells == OCCUPIED) & (shades >= MIDDLE_GREY)] = 0
     shades[(cells == FREE) & (shades <= MIDDLE_GREY)] = 254
     shades[cells == UNKNOWN] = MIDDLE_GREY

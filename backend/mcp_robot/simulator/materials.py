@@ -1,8 +1,8 @@
-"""How surfaces look: a colour for every pixel from where it lies in the building and what is there.
+"""The colours of surfaces: of every pixel by its position in the building and by the thing that it shows.
 
-Plain functions over arrays of pixels; patterns are functions of the place, so that they stay put when the robot moves.
-A pixel is the number of a colour and how bright it is until the very end, and a pattern is worked out only where it is
-seen: five pictures a second must leave the processor to who drives.
+Plain functions over arrays of pixels. Patterns are functions of the position, so that they stay when the robot moves.
+For speed a pixel is the number of a colour and a brightness until the very end, and a pattern is computed only where it
+is visible: five pictures a second must leave the processor to the guard.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from backend.mcp_robot.navigation.grid import Floats32
-from backend.mcp_robot.simulator import shades
+from backend.mcp_robot.simulator import legend
 from backend.mcp_robot.simulator.world import World
 
 SOLID, FLOOR, CEILING, LINTEL = range(4)
@@ -22,10 +22,10 @@ SOLID, FLOOR, CEILING, LINTEL = range(4)
 Numbers = npt.NDArray[np.uint8]
 Mask = npt.NDArray[np.bool_]
 
-_colours: list[shades.Colour] = []
+_colours: list[legend.Colour] = []
 
 
-def _number(colour: shades.Colour) -> int:
+def _number(colour: legend.Colour) -> int:
     """The number of a colour."""
     if colour not in _colours:
         _colours.append(colour)
@@ -35,12 +35,12 @@ def _number(colour: shades.Colour) -> int:
 HAZE: Floats32 = np.array((206.0, 208.0, 206.0), dtype=np.float32)
 HAZE_DISTANCE = 26.0
 """m after which 1/e of a colour is left."""
-WALL_OF_FLOOR: dict[int, shades.Colour] = {
-    shades.WOOD: (232, 216, 190),
-    shades.TILES: (214, 224, 214),
-    shades.CARPET: (224, 224, 216),
-    shades.FLOOR: (230, 228, 220),
-    shades.DOORWAY: (226, 222, 212),
+WALL_OF_FLOOR: dict[int, legend.Colour] = {
+    legend.WOOD: (232, 216, 190),
+    legend.TILES: (214, 224, 214),
+    legend.CARPET: (224, 224, 216),
+    legend.FLOOR: (230, 228, 220),
+    legend.DOORWAY: (226, 222, 212),
 }
 _RAIL = _number((92, 132, 146))
 _SKY = _number((190, 214, 236))
@@ -48,11 +48,11 @@ _HILLS = _number((146, 172, 138))
 _WINDOW_FRAME = _number((240, 240, 238))
 _ABOVE_DOOR = _number((222, 219, 210))
 _LINTEL = _number((218, 215, 206))
-_FRAME = _number(shades.THINGS[shades.FRAME].side)
+_FRAME = _number(legend.THINGS[legend.FRAME].side)
 _CEILING = _number((236, 236, 236))
 _JOINT = _number((218, 218, 218))
 _LAMP = _number((255, 254, 246))
-_WORKTOP = _number(shades.THINGS[shades.COUNTER].top)
+_WORKTOP = _number(legend.THINGS[legend.COUNTER].top)
 _POT = _number((158, 98, 72))
 _DOCK_LIGHT = _number((90, 220, 140))
 _BOOKS: Numbers = np.array(
@@ -64,7 +64,7 @@ _BOOKS: Numbers = np.array(
 )
 
 
-def _by_shade(colour_of: dict[int, shades.Colour], nearest_below: bool) -> Numbers:
+def _by_shade(colour_of: dict[int, legend.Colour], nearest_below: bool) -> Numbers:
     keys = sorted(colour_of)
     numbers = []
     for shade in range(256):
@@ -76,19 +76,19 @@ def _by_shade(colour_of: dict[int, shades.Colour], nearest_below: bool) -> Numbe
     return np.array(numbers, dtype=np.uint8)
 
 
-_SIDES = _by_shade({shade: thing.side for shade, thing in shades.THINGS.items()}, nearest_below=True)
-_TOPS = _by_shade({shade: thing.top for shade, thing in shades.THINGS.items()}, nearest_below=True)
-_FLOORS = _by_shade(shades.FLOORS, nearest_below=False)
+_SIDES = _by_shade({shade: thing.side for shade, thing in legend.THINGS.items()}, nearest_below=True)
+_TOPS = _by_shade({shade: thing.top for shade, thing in legend.THINGS.items()}, nearest_below=True)
+_FLOORS = _by_shade(legend.FLOORS, nearest_below=False)
 _WALLS = _by_shade(WALL_OF_FLOOR, nearest_below=False)
-_IS_WALL: Mask = np.isin(np.arange(256), (shades.WALL, shades.WINDOW, shades.UNKNOWN))
+_IS_WALL: Mask = np.isin(np.arange(256), (legend.WALL, legend.WINDOW, legend.UNKNOWN))
 _PALETTE: Floats32 = np.array(_colours, dtype=np.float32)
 
 
 def _heights() -> Floats32:
     heights = np.zeros(256, dtype=np.float32)
-    for shade in range(shades.UNKNOWN):
-        heights[shade] = shades.thing(shade).height
-    heights[shades.UNKNOWN] = shades.CEILING_HEIGHT
+    for shade in range(legend.UNKNOWN):
+        heights[shade] = legend.thing(shade).height
+    heights[legend.UNKNOWN] = legend.CEILING_HEIGHT
     return heights
 
 
@@ -201,10 +201,10 @@ def _shine(s: Surface) -> Floats32:
 
 
 _FLOOR_PATTERNS: dict[int, Callable[[Surface], Floats32]] = {
-    shades.WOOD: _wood,
-    shades.TILES: _tiles,
-    shades.CARPET: _carpet,
-    shades.FLOOR: _shine,
+    legend.WOOD: _wood,
+    legend.TILES: _tiles,
+    legend.CARPET: _carpet,
+    legend.FLOOR: _shine,
 }
 
 
@@ -218,7 +218,7 @@ def _ceiling(world: World, s: Surface) -> Paint:
 
 
 def _lintel(world: World, s: Surface) -> Paint:
-    near = s.z < shades.LINTEL_HEIGHT + 0.07
+    near = s.z < legend.LINTEL_HEIGHT + 0.07
     return Paint(np.where(near, np.uint8(_FRAME), np.uint8(_LINTEL)), np.ones_like(s.z))
 
 
@@ -254,9 +254,9 @@ def _faces_x(world: World, s: Surface) -> Mask:
 
 
 def _wall(s: Surface, along: Floats32, paint: Paint) -> None:
-    rail = (s.floor_before == shades.FLOOR) & (np.abs(s.z - 0.95) < 0.06)
+    rail = (s.floor_before == legend.FLOOR) & (np.abs(s.z - 0.95) < 0.06)
     paint.colour[rail] = _RAIL
-    tiled = (s.floor_before == shades.TILES) & (s.z < 1.6)
+    tiled = (s.floor_before == legend.TILES) & (s.z < 1.6)
     paint.light[tiled] *= 0.98
     paint.light[tiled & (_into(s.z, 0.2) < 0.012)] *= 0.92
     paint.light[s.z < 0.09] *= 0.55
@@ -275,7 +275,7 @@ def _window(s: Surface, along: Floats32, paint: Paint) -> None:
 
 
 def _over_door(s: Surface, along: Floats32, paint: Paint) -> None:
-    above = s.z > shades.LINTEL_HEIGHT + 0.07
+    above = s.z > legend.LINTEL_HEIGHT + 0.07
     paint.light[above] = 1.0
     paint.colour[above] = _ABOVE_DOOR
 
@@ -319,16 +319,16 @@ def _shelf(s: Surface, along: Floats32, paint: Paint) -> None:
 
 
 _DETAILS: list[tuple[int, Callable[[Surface, Floats32, Paint], None]]] = [
-    (shades.WALL, _wall),
-    (shades.UNKNOWN, _wall),
-    (shades.WINDOW, _wall),
-    (shades.WINDOW, _window),
-    (shades.FRAME, _over_door),
-    (shades.DOOR, _over_door),
-    (shades.TABLE, _table),
-    (shades.COUNTER, _counter),
-    (shades.PLANT, _plant),
-    (shades.DOCK, _dock),
-    (shades.SHELF, _shelf),
+    (legend.WALL, _wall),
+    (legend.UNKNOWN, _wall),
+    (legend.WINDOW, _wall),
+    (legend.WINDOW, _window),
+    (legend.FRAME, _over_door),
+    (legend.DOOR, _over_door),
+    (legend.TABLE, _table),
+    (legend.COUNTER, _counter),
+    (legend.PLANT, _plant),
+    (legend.DOCK, _dock),
+    (legend.SHELF, _shelf),
 ]
 """One after the other: of what is painted twice, the later lies over the earlier."""

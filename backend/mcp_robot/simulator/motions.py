@@ -1,4 +1,4 @@
-"""What the simulated robot can be doing: driving along a track, turning on the spot, speaking. Data, no behaviour."""
+"""The activities of the simulated robot: driving along a track, turning on the spot, speaking. Data, no behaviour."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ Outcome = Literal["running", "reached", "blocked", "halted"]
 class Drive:
     """Driving along a track, which is replaced when the way is blocked. `along` m of it are done.
 
-    For `waiting` s it has stood before something, for `stalled` s it has not got on, for whatever reason; for
-    `obstructed` s something has been seen on the way ahead. `rerouted` times it has asked for another way.
+    The robot has stood before something for `waiting` s, made no progress for `stalled` s whatever the reason, and seen
+    something on the path ahead for `obstructed` s. It has asked for another path `rerouted` times.
     """
 
     track: Track

@@ -24,7 +24,7 @@ from backend.mcp_robot.navigation import follower, planner
 from backend.mcp_robot.navigation.grid import Floats, OccupancyGrid
 from backend.mcp_robot.refusal import Halted, Refusal
 from backend.mcp_robot.robot import Fix, Picture, Remaining, Route, Sound, TopologicalMap, Velocity
-from backend.mcp_robot.simulator import camera, laser
+from backend.mcp_robot.simulator import laser, renderer
 from backend.mcp_robot.simulator.motions import Drive, Turn, Utterance
 from backend.mcp_robot.simulator.simulation import FOOTPRINT_RADIUS, STEP, Simulation
 from backend.mcp_robot.simulator.world import World
@@ -35,8 +35,9 @@ TICK = 0.02
 BURST = 0.02
 """Wall seconds that a round may take before others get their turn."""
 LARGEST_LAG = 0.5
-"""Wall seconds that are caught up with; of a longer delay the rest is lost, and said to be."""
+"""Wall seconds of delay that are caught up with; the rest of a longer delay is lost, and the log says so."""
 COMPLAINT_INTERVAL = 10.0
+"""Wall seconds between two such messages in the log."""
 
 logger = logging.getLogger(__name__)
 
@@ -44,9 +45,8 @@ logger = logging.getLogger(__name__)
 class SimulatedRobot:
     """A `Robot`. `running()` makes its time pass; without it, nothing moves.
 
-    `floor` is the map that it plans in and may drive on, when that is not the world's: keep-out zones are occupied in
-    it.
-    `simulation` is the truth, for tests and demonstrations: people, doors, the true pose.
+    `floor` is the map that the robot plans in and may drive on, where that differs from the world's: keep-out zones are
+    not free in it. `simulation` is the truth, for tests and demonstrations: people, doors, the true pose.
     """
 
     def __init__(
@@ -74,8 +74,8 @@ class SimulatedRobot:
         self._noise = np.random.default_rng(seed)
         self._scan: Scan | None = None  # the latest, valid for its own time only
         self._stepped = asyncio.Event()  # set and replaced after every round of steps
-        self._planning: set[asyncio.Task[None]] = set()  # other ways that are being sought
-        # A thread keeps the 30 MB that it once needed for a picture: so one thread draws, and not each of asyncio's.
+        self._planning: set[asyncio.Task[None]] = set()  # searches for another path
+        # A thread keeps the 30 MB that a picture once needed: so one thread draws, and not each of asyncio's.
         self._artist = ThreadPoolExecutor(max_workers=1, thread_name_prefix="camera")
         if not self._virtual:
             self.simulation.reroute = self._reroute_in_thread
@@ -86,8 +86,8 @@ class SimulatedRobot:
 
     @contextlib.asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
-        """Let its time pass while inside. Should that fail, whoever is inside is cancelled: a robot whose time stands
-        still would be busy for ever."""
+        """Let the robot's time pass while inside. Should that fail, the task inside is cancelled: a robot whose time
+        stands still would be busy for ever."""
         inside = asyncio.current_task()
         assert inside is not None  # noqa: S101 - a coroutine always runs in a task
 
@@ -154,22 +154,22 @@ class SimulatedRobot:
 
     @property
     def fix(self) -> Fix:
-        """Where it believes it is; with no noise in the settings, a simulator knows."""
+        """Where the robot believes it is; without noise in the settings that is the true pose."""
         return Fix(self.simulation.believed, self.clock(), "simulator")
 
     @property
     def velocity(self) -> Velocity:
-        """How it moves."""
+        """The velocity of this moment."""
         return Velocity(self.simulation.twist, self.clock())
 
     @property
     def battery(self) -> Battery:
-        """How long it can."""
+        """The charge of the battery, and whether it is charging."""
         return Battery(self.simulation.battery.level, self.simulation.battery.charging)
 
     @property
     def remaining(self) -> Remaining | None:
-        """What is left of the motion."""
+        """What is left of the motion under way."""
         return self.simulation.remaining
 
     @property
@@ -181,8 +181,8 @@ class SimulatedRobot:
         """The scan of this moment, computed once however many ask for it."""
         now = self.clock()
         if self._scan is None or self._scan.time != now:
-            scanner = self.simulation.surroundings.laser
-            ranges = self.simulation.surroundings.scan(self.simulation.pose, self._noise)
+            scanner = self.simulation.environment.laser
+            ranges = self.simulation.environment.scan(self.simulation.pose, self._noise)
             self._scan = Scan(
                 now, self.simulation.believed, laser.ANGLE_MIN, scanner.increment, laser.RANGE,
                 np.round(ranges, 3).tolist(),
@@ -190,7 +190,7 @@ class SimulatedRobot:
         return self._scan
 
     async def plan(self, goal: Pose, *, final_yaw: bool) -> Route:
-        """A way there, around what was seen lately. Raises `Refusal` (unreachable)."""
+        """A path to the goal, around what the laser saw lately. Raises `Refusal` (unreachable)."""
         simulation = self.simulation
         start, seen = simulation.believed, simulation.look()
         try:
@@ -239,11 +239,11 @@ class SimulatedRobot:
         """Nothing to do: nobody else commands a simulated robot."""
 
     async def photo(self) -> Picture:
-        """What the camera sees."""
-        truth, surroundings = self.simulation.pose, self.simulation.surroundings
-        scene = surroundings.building, truth, tuple(surroundings.people.poses)
-        jpeg = await asyncio.get_running_loop().run_in_executor(self._artist, camera.photograph, *scene)
-        return Picture(jpeg, camera.WIDTH, camera.HEIGHT, self.simulation.believed)
+        """A picture from the camera, taken now."""
+        truth, environment = self.simulation.pose, self.simulation.environment
+        scene = environment.building, truth, tuple(environment.people.poses)
+        jpeg = await asyncio.get_running_loop().run_in_executor(self._artist, renderer.photograph, *scene)
+        return Picture(jpeg, renderer.WIDTH, renderer.HEIGHT, self.simulation.believed)
 
     async def synthesize(self, text: str) -> Sound:
         """The sound of a text."""

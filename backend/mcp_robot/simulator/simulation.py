@@ -9,8 +9,9 @@ tests, as fast as the machine is:
         simulation.step()
         assert simulation.clearance >= 0.0                    # free floor around the true footprint, in m
 
-`pose` is the truth, `believed` what the robot takes it for. It keeps its own protective stop: whatever the follower
-asks for, the robot brakes when the way that it needs to stop is not free; its footprint never enters anything.
+`pose` is the true pose, `believed` the pose that the robot takes for true. The robot keeps its own protective stop:
+whatever the follower asks for, it brakes when the way that it needs to stop is not free. Its footprint never enters
+anything.
 """
 
 from __future__ import annotations
@@ -24,13 +25,13 @@ import numpy as np
 from backend.config import Limits, Simulator
 from backend.mcp_robot.navigation import follower, planner
 from backend.mcp_robot.navigation.grid import Floats, OccupancyGrid
-from backend.mcp_robot.navigation.places import at_dock
+from backend.mcp_robot.navigation.named_places import at_dock
 from backend.mcp_robot.robot import Remaining
 from backend.mcp_robot.simulator import disturbances
 from backend.mcp_robot.simulator.battery import Accumulator
+from backend.mcp_robot.simulator.environment import Environment
 from backend.mcp_robot.simulator.motions import Drive, Turn, Utterance
-from backend.mcp_robot.simulator.obstacles import Obstacles
-from backend.mcp_robot.simulator.surroundings import Surroundings
+from backend.mcp_robot.simulator.obstacle_layer import ObstacleLayer
 from backend.mcp_robot.simulator.world import World
 from backend.telemetry import Pose, Twist
 
@@ -39,23 +40,24 @@ STEP = 0.02
 FOOTPRINT_RADIUS = 0.25
 PLANNING_RADIUS = FOOTPRINT_RADIUS + 0.05
 REACTION, BRAKING_MARGIN = 0.15, 0.03
-"""It brakes when so many seconds' way, and so many m, are left beyond the braking distance: before the safety layer's
-guard, which looks less often, has to."""
+"""The robot brakes when, beyond its braking distance, only the way of so many seconds and so many m are free: earlier
+than the safety layer's guard, which checks less often, has to."""
 BRAKING_PARTS = 4
-"""Looks ahead along the braking distance."""
+"""Poses along the braking distance that are checked."""
 PASSING_MARGIN = 0.02
-"""Free way in m beside it: a robot that brakes in a curve leaves the arc that it looked at a little."""
+"""Free floor in m beside the footprint: a robot that brakes in a curve leaves the checked arc a little."""
 PATIENCE = 10.0
-"""Seconds before something in the way that end the motion."""
+"""Seconds that the robot waits before something in its way; then the motion ends as blocked."""
 STALLED = 5.0
-"""Seconds without getting on, beyond a whole turn on the spot, after which a motion ends as blocked."""
+"""Seconds without progress, beyond those of a whole turn on the spot, after which a motion ends as blocked."""
 LOOK_INTERVAL = 0.2
-"""Seconds between two looks of a driving robot at what the laser sees."""
+"""Seconds between two laser scans that a driving robot takes in."""
 LOOK_AHEAD = 3.0
-"""m of the way ahead that must be free of what it sees."""
+"""m of the path ahead that have to be free of known obstacles; else the robot seeks another path."""
 LOOK_RAYS = 180
+"""Rays of such a scan, about."""
 REROUTE_AFTER = 1.0
-"""Seconds that something is in the way before another way is sought: somebody who crosses is gone by then."""
+"""Seconds that something is in the way before another path is planned: a person who crosses is gone by then."""
 MAX_REROUTES = 8
 
 
@@ -80,16 +82,16 @@ class Simulation:
         self.limits = limits
         self.floor = floor or world.grid
         self.search = planner.search_grid(self.floor, PLANNING_RADIUS)
-        self.surroundings = Surroundings(world, settings, people)
+        self.environment = Environment(world, settings, people)
         self.elapsed = 0.0  # s, grows with every step
         self.pose: Pose = world.start  # the true one, integrated by step
         self.twist = Twist(0.0, 0.0)  # what the wheels did in the last step
         self.odometer = 0.0  # m
         self.battery = Accumulator(settings.battery)
-        self.motion: Drive | Turn | None = None  # set by begin, ends with its outcome and is dropped
-        self.utterance: Utterance | None = None  # likewise
+        self.motion: Drive | Turn | None = None  # set by `begin`; None again when its outcome is known
+        self.utterance: Utterance | None = None  # the sentence under way, set by `speak`
         tolerance = disturbances.BOUND * (settings.localisation_noise + settings.heading_noise)
-        self.obstacles = Obstacles(self.floor, tolerance)  # what was seen and is not on the map, kept by step
+        self.obstacles = ObstacleLayer(self.floor, tolerance)  # what the laser saw and the map does not show
         self.reroute: Callable[[Drive], None] = self._reroute_now  # called by step for a drive that is obstructed
         self.on_reroute: Callable[[Floats], None] = lambda _: (
             None
@@ -103,7 +105,7 @@ class Simulation:
 
     @property
     def at_rest(self) -> bool:
-        """Whether it stands still."""
+        """Whether the robot stands still."""
         return self.twist.linear == 0.0 and self.twist.angular == 0.0
 
     @property
@@ -131,45 +133,45 @@ class Simulation:
         return drive
 
     def plan(self, start: Pose, goal: Pose, obstacles: Floats) -> Floats:
-        """A way around what is on the map and these points, shape (n, 2), or through them when there is no other: they
-        may be gone when the robot comes. Safe in a thread. Raises `Unreachable`."""
+        """A path around the map's walls and these points, shape (n, 2); through the points where there is no other,
+        because they may be gone when the robot comes. Safe in a thread. Raises `Unreachable`."""
         try:
             return self.plan_around(start, goal, obstacles)
         except planner.Unreachable:
             return self.plan_around(start, goal, obstacles[:0])
 
     def plan_around(self, start: Pose, goal: Pose, obstacles: Floats) -> Floats:
-        """A way around what is on the map and these points, shape (n, 2). Safe in a thread. Raises `Unreachable`."""
+        """A path around the map's walls and these points, shape (n, 2). Safe in a thread. Raises `Unreachable`."""
         ends = (start.x, start.y), (goal.x, goal.y)
         return planner.plan(self.floor, self.search, *ends, PLANNING_RADIUS, obstacles)
 
     def look(self) -> Floats:
-        """Take in what the laser sees now; returns all that is known to stand where the map has floor, shape (n, 2)."""
-        ranges = self.surroundings.scan(self.pose, every=self._every)
-        angles = self.surroundings.laser.angles[:: self._every]
+        """Take in a scan of this moment; returns all known obstacles that the map does not show, shape (n, 2)."""
+        ranges = self.environment.scan(self.pose, every=self._every)
+        angles = self.environment.laser.angles[:: self._every]
         self.obstacles.take(self.elapsed, self.believed, angles, ranges)
         return self.obstacles.points
 
     def close_door(self, door: str) -> None:
         """Close a door of the world. Raises `WorldError` for an unknown one, `ValueError` while somebody is in it."""
-        self.surroundings.close_door(door, self.pose)
+        self.environment.close_door(door, self.pose)
 
     def open_door(self, door: str) -> None:
-        """Open it again. Raises `WorldError`."""
-        self.surroundings.open_door(door)
+        """Open a door again. Raises `WorldError` for an unknown one."""
+        self.environment.open_door(door)
 
     def halt(self) -> None:
         """Brake from the next step on."""
         self._halting = True
 
     def speak(self, seconds: float) -> Utterance:
-        """Start to say something that takes `seconds`; what is being said ends."""
+        """Begin a sentence that takes `seconds`; the one before ends."""
         self.hush()
         self.utterance = Utterance(seconds)
         return self.utterance
 
     def hush(self) -> None:
-        """End what is being said."""
+        """End the sentence under way."""
         if self.utterance:
             self.utterance.outcome = "halted"
             self.utterance = None
@@ -177,7 +179,7 @@ class Simulation:
     def step(self, dt: float = STEP) -> None:
         """Move time on by `dt` s."""
         self.elapsed += dt
-        self.surroundings.step(dt, self.pose, FOOTPRINT_RADIUS + self._stopping_way(self.twist.linear))
+        self.environment.step(dt, self.pose, FOOTPRINT_RADIUS + self._stopping_way(self.twist.linear))
         if self._halting:
             command = follower.braked(self.twist, self.limits, dt)
         elif isinstance(self.motion, Drive):
@@ -191,7 +193,7 @@ class Simulation:
         self._conclude(dt)
 
     def _look_ahead(self, drive: Drive) -> None:
-        """Take in what the laser sees; when it stays on the way ahead, ask for another way."""
+        """Take in a scan; when something stays on the path ahead, ask for another path."""
         if self.elapsed < self._next_look:
             return
         self._next_look = self.elapsed + LOOK_INTERVAL
@@ -205,12 +207,12 @@ class Simulation:
             self.reroute(drive)
 
     def _reroute_now(self, drive: Drive) -> None:
-        # Where there is no other way it waits before what is in this one, and gives up after its patience.
+        # Where there is no other path the robot waits before the obstacle, and gives up after PATIENCE.
         with contextlib.suppress(planner.Unreachable):
             self.take_way(drive, self.plan_around(self.believed, drive.track.goal, self.obstacles.points))
 
     def take_way(self, drive: Drive, points: Floats) -> None:
-        """Go on along another way to the same goal, from about where the robot is."""
+        """Go on along another path to the same goal, which begins about where the robot is."""
         drive.track = follower.track(points, drive.track.goal, drive.track.final_yaw, self.limits)
         drive.along = 0.0
         self.on_reroute(points)
@@ -240,13 +242,13 @@ class Simulation:
         for pose in self._way_to_rest(command):
             room = self._room(pose)
             if room < needed:
-                return room > self._room(self.pose)  # where it already stands too near, only driving nearer is refused
+                return room > self._room(self.pose)  # a robot that already stands too near may only not get nearer
         return True
 
     def _way_to_rest(self, command: Twist) -> Iterator[Pose]:
-        """Poses on the way that it would go on after this command: its reaction, its braking, and the margin.
+        """The poses of the robot after this command until it rests: its reaction, its braking, and the margin.
 
-        Speed and turn do not brake alike, so that it leaves the arc of the command.
+        Speed and turn do not brake alike, so that the robot leaves the arc of the command.
         """
         limits, pose = self.limits, follower.integrate(self.pose, command, REACTION)
         yield pose
@@ -260,8 +262,8 @@ class Simulation:
         yield follower.integrate(pose, Twist(BRAKING_MARGIN, 0.0), 1.0)
 
     def _room(self, pose: Pose) -> float:
-        """m of free floor around a true pose: what the laser would measure there, and what the map forbids."""
-        room = self.surroundings.clearance(pose.x, pose.y)
+        """m of free floor around a true pose: to real walls, doors and people, and to what the map forbids."""
+        room = self.environment.clearance(pose.x, pose.y)
         if self.floor is self.world.grid:
             return room
         believed = self._localisation.believed(pose)
@@ -271,7 +273,9 @@ class Simulation:
         moved = self._slip.after(dt, wheels, self.limits.max_turn_rate)
         pose = follower.integrate(self.pose, moved, dt)
         room = self._room(pose) if moved.linear else math.inf
-        if room < FOOTPRINT_RADIUS and room <= self._room(self.pose):  # the bumper: no command moves it into a wall
+        if room < FOOTPRINT_RADIUS and room <= self._room(
+            self.pose
+        ):  # the bumper: no command moves the robot into a wall
             pose = Pose(self.pose.x, self.pose.y, pose.yaw)
             wheels = Twist(0.0, wheels.angular)
         way = math.hypot(pose.x - self.pose.x, pose.y - self.pose.y)

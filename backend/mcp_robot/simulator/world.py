@@ -1,7 +1,7 @@
-"""A world from a folder: a map in ROS map_server format, `places.yaml` with what has a name in it, `keep_out.yaml`.
+"""Loads a world from a folder: a map in ROS map_server format, `places.yaml` with named places, and `keep_out.yaml`.
 
-The folder is outside input: it is checked here once, and a mistake is told with the file, the field and what is
-wrong. A world never changes; closing a door makes another one. Nothing is written.
+The folder is outside input: it is checked here once, and an error names the file, the field and the reason. A world
+never changes; closing a door makes another world. Nothing is written.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 from backend.config import KeepOut
 from backend.mcp_robot.navigation.grid import FREE, Floats, OccupancyGrid, sample
 from backend.mcp_robot.robot import PlaceKind, TopologicalMap
-from backend.mcp_robot.simulator import map_file, shades
+from backend.mcp_robot.simulator import legend, map_file
 from backend.mcp_robot.simulator.map_file import WorldError as WorldError
 from backend.telemetry import Place, Pose, Zone
 
 BUILT_IN = Path(__file__).parent.parent / "worlds"
 START_ROOM = 0.5
-"""A robot without places begins where it has so much room (m), when there is any."""
+"""A robot on a map without places begins where it has so much room (m), if there is any."""
 
 logger = logging.getLogger(__name__)
 
@@ -54,8 +54,8 @@ class Door:
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """What the simulator moves in. `shades` is the map's picture, row 0 at the bottom, dark is occupied. Its `doors`
-    are open, but for those that are walls of this world already."""
+    """The map, names and doors that the simulator uses. `shades` is the map's picture, row 0 at the bottom, dark is
+    occupied (legend.py). `doors` are open, except those that `with_closed` has made part of the walls."""
 
     grid: OccupancyGrid
     shades: npt.NDArray[np.uint8]
@@ -66,8 +66,8 @@ class World:
 
     @property
     def start(self) -> Pose:
-        """Where a robot that was just switched on stands: at the first dock, else at the first place, else at the
-        origin of the map, where mapping usually began, or as near to it as there is room."""
+        """Where the robot begins: at the first dock, else at the first place, else as near to the map's origin, where
+        mapping usually began, as there is room."""
         docks = [place for place in self.places.places if place.kind == "docking"]
         named = docks or list(self.places.places)
         return named[0].pose if named else _roomy(self.grid)
@@ -89,12 +89,12 @@ class World:
         for x, y in leaves.tolist():
             cell = self.grid.cell(x, y)
             if cell is not None:
-                picture[cell] = shades.DOOR
+                picture[cell] = legend.DOOR
         picture.flags.writeable = False
         return replace(self, grid=self.grid.with_occupied(leaves), shades=picture)
 
     def _leaf(self, door: Door) -> Floats:
-        """Points that leave no cell of the leaf out, also where it lies across the cells."""
+        """Points of which every cell that the leaf crosses has one, also where the leaf lies diagonally."""
         half = self.grid.resolution / 2
         (x0, y0), (x1, y1) = door.start, door.end
         return np.concatenate(

@@ -1,1 +1,1 @@
-"""The MCP tools of the robot: their definitions, results, progress, and the client's sign of life."""
+"""The MCP tools of the robot. catalogue.py lists them, and says where a tool is added."""

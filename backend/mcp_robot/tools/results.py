@@ -1,4 +1,4 @@
-"""What the tools answer, typed: each model is a tool's output schema and its structured content.
+"""The results of the tools: each model is a tool's output schema and its structured content.
 
 Field descriptions are read by LLMs and people alike: they name unit and frame. Nothing here computes.
 """
@@ -25,7 +25,7 @@ class Pose(BaseModel):
 
     @classmethod
     def of(cls, pose: telemetry.Pose) -> Pose:
-        """Rounded to what a robot can know."""
+        """The pose in mm and tenths of a mrad: a robot knows it no better."""
         return cls(x=round(pose.x, 3), y=round(pose.y, 3), yaw=round(pose.yaw, 4))
 
 

@@ -1,16 +1,17 @@
-"""The watchdog: whoever moves the robot must be heard, all the time; a client gone or silent is a motion ended.
+"""The watchdog: the client that moves the robot has to give signs of life; when it is silent, its motion ends.
 
-A connection that breaks is seen at once. One that stands is no proof: behind a half-open line, a proxy, or a process
-that is stopped, the kernel goes on to acknowledge. So the client's program itself has to be heard:
+A connection that breaks is noticed at once. One that stands proves nothing: behind a half-open connection, a proxy or a
+stopped process, the kernel goes on to acknowledge. So the client's program itself has to answer:
 
-- under the handshake protocols the server sends it MCP's `ping`, which every client answers;
-- protocol 2026-07-28 forbids that. There a client may name itself (`_meta` key CALLER) and promise to call some tool as
-  often as the tools' `_meta` SIGN_OF_LIFE asks; each call that carries the name is a sign of life;
-- one that does neither gives no sign, and may move the robot for a limited time only.
+- under the handshake versions of the MCP protocol the server sends MCP's `ping`, which every client answers;
+- protocol 2026-07-28 forbids a server to ask. There a client may name itself (`_meta` key CALLER) and promise to call
+  some tool as often as the tools' `_meta` SIGN_OF_LIFE says; each call that carries the name is a sign of life;
+- a client that does neither gives no sign of life, and may move the robot for a limited time only.
 
-Silence counts only while this process runs: while a busy computer let it stand, it could not have heard anybody.
+Silence counts only while this process runs: while a busy computer suspended it, it could not have received anything.
 
-Here nothing halts: silence is an exception in the task of the tool call, whose motion ends with it.
+It stands among the tools and not in the motion room, because it judges the client of a tool call by MCP's messages, and
+motion knows no MCP. It halts nothing: silence is an exception in the task of the tool call, whose motion ends with it.
 """
 
 from __future__ import annotations
@@ -29,49 +30,50 @@ from backend.config import Limits
 from backend.mcp_robot.refusal import Refusal
 
 MAX_NAME = 200
-SHARE = 0.25
-"""Part of the time allowed that passes before the next question; the rest is for the answer."""
-LOOKS = 10
-"""Looks at the clock within a limit. However late one comes, no more than two of these parts count for it."""
+"""Characters of the name that a client gives itself."""
+PAUSE_SHARE = 0.25
+"""Share of the allowed silence that passes before the next ping; the rest is for its answer."""
+CHECKS = 10
+"""How often the clock is read within a limit. However late a reading comes, it counts for two intervals at most."""
 
 
 class Silence:
-    """How long somebody has not been heard, until that is `limit` s."""
+    """Measures how long a client has been silent, until that is `limit` s."""
 
     def __init__(self, limit: float) -> None:
         self._limit = limit
-        self._part = limit / LOOKS
-        self._seconds = 0.0  # grows at each look
-        self._looked = asyncio.get_running_loop().time()
+        self._interval = limit / CHECKS
+        self._seconds = 0.0  # of silence so far, grows at each reading of the clock
+        self._read_at = asyncio.get_running_loop().time()  # when the clock was read last
 
     def broken(self) -> None:
-        """Somebody was heard: it begins anew."""
-        self._seconds = -self._since_look()
+        """The client gave a sign of life: the silence begins anew."""
+        self._seconds = -self._since_reading()
 
     async def end(self) -> None:
-        """Return once it has lasted for its limit, of the time in which this process ran."""
+        """Return once it has lasted for its limit, counting only the time in which this process ran."""
         while (left := self._limit - self._seconds) > 0:
-            self._looked = asyncio.get_running_loop().time()
-            await asyncio.sleep(min(left, self._part))
-            self._seconds += self._since_look()
+            self._read_at = asyncio.get_running_loop().time()
+            await asyncio.sleep(min(left, self._interval))
+            self._seconds += self._since_reading()
 
-    def _since_look(self) -> float:
-        return min(asyncio.get_running_loop().time() - self._looked, 2 * self._part)
+    def _since_reading(self) -> float:
+        return min(asyncio.get_running_loop().time() - self._read_at, 2 * self._interval)
 
 
 class Callers:
-    """Clients that named themselves, while something of theirs goes on."""
+    """The clients that have named themselves, while one of their calls acts."""
 
     def __init__(self) -> None:
-        self._silences: dict[str, set[Silence]] = {}  # of each, one for every call of theirs
+        self._silences: dict[str, set[Silence]] = {}  # name -> one silence for each of the client's calls that act
 
     def hear(self, name: str) -> None:
-        """A call with this name came in. Only those that are listened for matter."""
+        """Note that a call with this name came in. Names without a call that acts are ignored."""
         for silence in self._silences.get(name, ()):
             silence.broken()
 
     async def listen(self, name: str, limit: float) -> None:
-        """Return when nothing has come from `name` for `limit` seconds."""
+        """Return when no call has come in from `name` for `limit` seconds."""
         silence = Silence(limit)
         silences = self._silences.setdefault(name, set())
         silences.add(silence)
@@ -83,14 +85,20 @@ class Callers:
                 self._silences.pop(name, None)
 
 
+def announced(limits: Limits) -> dict[str, Any]:
+    """The sign of life that the server asks for, as the `_meta` of a tool that acts."""
+    return {keys.SIGN_OF_LIFE: {"within": limits.client_silence, "tool": "get_robot_status"}}
+
+
 def caller(meta: Mapping[str, Any] | None) -> str | None:
-    """How a client names itself in a request's `_meta`; None for a name that cannot be one."""
+    """The name that a client gives itself in a request's `_meta`; None without one that can be used."""
     name = (meta or {}).get(keys.CALLER)
     return name if isinstance(name, str) and 0 < len(name) <= MAX_NAME else None
 
 
 def admit(context: Context[Any, Any], limits: Limits) -> None:
-    """Before anything begins: the client of this call can be listened for, or may go unheard for a while."""
+    """The rule before anything begins: the client can give signs of life, or may act without them for a while. Raises
+    `Refusal` (no_sign_of_life)."""
     if not (limits.unheard_motion or context.session.can_send_request or caller(context.request_context.meta)):
         raise Refusal(
             "no_sign_of_life",
@@ -100,7 +108,7 @@ def admit(context: Context[Any, Any], limits: Limits) -> None:
 
 
 async def watch(context: Context[Any, Any], callers: Callers, limits: Limits) -> None:
-    """Listen for the client of this call. Raises `Refusal` when it is silent; never returns."""
+    """Watch the client of this call. Never returns; raises `Refusal` (silent, no_sign_of_life)."""
     name = caller(context.request_context.meta)
     if context.session.can_send_request:
         await _until_unanswered(lambda: _ping(context), limits.client_silence)
@@ -117,10 +125,10 @@ async def watch(context: Context[Any, Any], callers: Callers, limits: Limits) ->
 
 
 async def _until_unanswered(ask: Callable[[], Coroutine[Any, Any, None]], limit: float) -> None:
-    """Ask again and again; return when there was no answer within `limit` seconds of the last one."""
+    """Ask again and again. Return when an answer is missing: `limit` seconds after the answer before it."""
     while True:
         answer = asyncio.create_task(ask())
-        silence = asyncio.create_task(Silence((1 - SHARE) * limit).end())
+        silence = asyncio.create_task(Silence((1 - PAUSE_SHARE) * limit).end())
         try:
             await asyncio.wait({answer, silence}, return_when=asyncio.FIRST_COMPLETED)
             if not answer.done():
@@ -132,14 +140,16 @@ async def _until_unanswered(ask: Callable[[], Coroutine[Any, Any, None]], limit:
             for task in (answer, silence):
                 task.cancel()
             await asyncio.gather(answer, silence, return_exceptions=True)
-        await asyncio.sleep(SHARE * limit)
+        await asyncio.sleep(PAUSE_SHARE * limit)
 
 
 async def _ping(context: Context[Any, Any]) -> None:
-    beside = ServerMessageMetadata(related_request_id=context.request_context.request_id)
+    """Return when the client has answered, be it with an error. Raises `TimeoutError` when its connection is gone."""
+    # Without the related request, a server over HTTP has no stream on which the ping could reach the client.
+    on_this_call = ServerMessageMetadata(related_request_id=context.request_context.request_id)
     try:
-        await context.session.send_request(PingRequest(), EmptyResult, metadata=beside)
+        await context.session.send_request(PingRequest(), EmptyResult, metadata=on_this_call)
     except MCPError as error:
         if error.error.code == CONNECTION_CLOSED:
             raise TimeoutError from None
-        # A client that does not know the question has answered all the same.
+        # Any other error is an answer: the client lives, and does not know the question.

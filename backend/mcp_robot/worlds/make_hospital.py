@@ -13,7 +13,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from backend.mcp_robot.simulator import shades
+from backend.mcp_robot.simulator import legend
 from backend.mcp_robot.worlds.plan import YAML, Plan
 
 WIDTH, DEPTH = 100.0, 60.0
@@ -95,16 +95,16 @@ def build() -> Hospital:
     """The whole hospital."""
     hospital = Hospital()
     plan = hospital.plan
-    plan.box(0, 0, WIDTH, DEPTH, shades.WALL)
+    plan.box(0, 0, WIDTH, DEPTH, legend.WALL)
     hospital.place("dock", 41.2, 2.0, 0.0, kind="docking")
     hospital.place("north dock", 1.2, sum(NORTH) / 2, 0.0, kind="docking")
     for name, (low, high) in CORRIDORS.items():
-        plan.room(WALL / 2, low, WIDTH - WALL / 2, high, shades.FLOOR)
+        plan.room(WALL / 2, low, WIDTH - WALL / 2, high, legend.FLOOR)
         hospital.place(name, 50.0, (low + high) / 2, 0.0)
     for name, (west, east) in LINKS.items():
         half = WALL / 2
-        plan.box(west - half, SOUTH[1], east + half, NORTH[0], shades.WALL)
-        plan.box(west + half, SOUTH[1] - half, east - half, NORTH[0] + half, shades.FLOOR)
+        plan.box(west - half, SOUTH[1], east + half, NORTH[0], legend.WALL)
+        plan.box(west + half, SOUTH[1] - half, east - half, NORTH[0] + half, legend.FLOOR)
         hospital.place(name, (west + east) / 2, MIDDLE, math.pi / 2)
         hospital.edge(name, "south corridor")
         hospital.edge(name, "north corridor")
@@ -113,8 +113,8 @@ def build() -> Hospital:
     rooms(hospital)
     hospital.edge("dock", "lobby")
     hospital.edge("north dock", "north corridor")
-    plan.box(WALL, sum(NORTH) / 2 - 0.3, 0.4, sum(NORTH) / 2 + 0.3, shades.DOCK)
-    plan.box(40.0 + WALL / 2, 1.7, 40.5, 2.3, shades.DOCK)
+    plan.box(WALL, sum(NORTH) / 2 - 0.3, 0.4, sum(NORTH) / 2 + 0.3, legend.DOCK)
+    plan.box(40.0 + WALL / 2, 1.7, 40.5, 2.3, legend.DOCK)
     return hospital
 
 
@@ -122,31 +122,31 @@ def departments(hospital: Hospital) -> None:
     """Along the south wall."""
     plan = hospital.plan
     for index, (name, x) in enumerate(DEPARTMENTS.items()):
-        floor = shades.WOOD if name == "lobby" else (shades.TILES, shades.CARPET)[index % 2]
+        floor = legend.WOOD if name == "lobby" else (legend.TILES, legend.CARPET)[index % 2]
         hospital.room(name, x, (WALL / 2, SOUTH[0]), "south corridor", floor)
-        plan.box(x[0] + 1.0, 0, x[1] - 1.0, WALL, shades.WINDOW)
+        plan.box(x[0] + 1.0, 0, x[1] - 1.0, WALL, legend.WINDOW)
         if name == "lobby":
-            plan.box(46.0, 4.0, 54.0, 5.0, shades.COUNTER)
+            plan.box(46.0, 4.0, 54.0, 5.0, legend.COUNTER)
             for seat in (43.0, 45.0, 55.0, 57.0):
-                plan.box(seat, 8.0, seat + 0.8, 10.5, shades.BENCH)
+                plan.box(seat, 8.0, seat + 0.8, 10.5, legend.BENCH)
         elif name == "cafeteria":
             for row in (2.5, 5.5):
                 for column in (62.5, 66.0, 69.5, 72.0):
-                    plan.disc(column, row, 0.6, shades.TABLE)
+                    plan.disc(column, row, 0.6, legend.TABLE)
         else:
             plan.table((x[0] + x[1]) / 2, 2.5, (x[1] - x[0]) / 2, 1.0, chairs=3)
-            plan.box(x[0] + 0.2, 5.0, x[0] + 0.8, 9.0, shades.SHELF)
+            plan.box(x[0] + 0.2, 5.0, x[0] + 0.8, 9.0, legend.SHELF)
 
 
 def wards(hospital: Hospital) -> None:
     """Along the north wall: ten wards with beds."""
     for index in range(10):
         low, high = index * 10.0, (index + 1) * 10.0
-        hospital.room(f"ward {index + 1}", (low, high), (NORTH[1], DEPTH - WALL / 2), "north corridor", shades.TILES)
-        hospital.plan.box(low + 1.0, DEPTH - WALL, high - 1.0, DEPTH, shades.WINDOW)
+        hospital.room(f"ward {index + 1}", (low, high), (NORTH[1], DEPTH - WALL / 2), "north corridor", legend.TILES)
+        hospital.plan.box(low + 1.0, DEPTH - WALL, high - 1.0, DEPTH, legend.WINDOW)
         for bed in (1.2, 3.7, 6.2, 8.7):
-            hospital.plan.box(low + bed - 0.5, DEPTH - 2.4, low + bed + 0.5, DEPTH - 0.4, shades.BENCH)
-            hospital.plan.box(low + bed + 0.55, DEPTH - 0.9, low + bed + 0.95, DEPTH - 0.4, shades.TABLE)
+            hospital.plan.box(low + bed - 0.5, DEPTH - 2.4, low + bed + 0.5, DEPTH - 0.4, legend.BENCH)
+            hospital.plan.box(low + bed + 0.55, DEPTH - 0.9, low + bed + 0.95, DEPTH - 0.4, legend.TABLE)
 
 
 def rooms(hospital: Hospital) -> None:
@@ -155,11 +155,11 @@ def rooms(hospital: Hospital) -> None:
     for walls in BLOCKS:
         for x in itertools.pairwise(walls):
             for y, corridor in (((SOUTH[1], MIDDLE), "south corridor"), ((MIDDLE, NORTH[0]), "north corridor")):
-                hospital.room(f"room {number}", x, y, corridor, shades.CARPET)
+                hospital.room(f"room {number}", x, y, corridor, legend.CARPET)
                 back = MIDDLE - 1.2 if y[0] == SOUTH[1] else MIDDLE + 1.2
                 hospital.plan.table((x[0] + x[1]) / 2, back, 3.0, 0.8)
-                hospital.plan.disc(x[0] + 0.6, y[0] + 0.6, 0.25, shades.PLANT)
-                hospital.plan.disc(x[1] - 0.6, y[1] - 0.6, 0.25, shades.PLANT)
+                hospital.plan.disc(x[0] + 0.6, y[0] + 0.6, 0.25, legend.PLANT)
+                hospital.plan.disc(x[1] - 0.6, y[1] - 0.6, 0.25, legend.PLANT)
                 number += 1
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from backend.mcp_robot.simulator import shades
+from backend.mcp_robot.simulator import legend
 from backend.mcp_robot.worlds.plan import YAML, Plan
 
 WIDTH, DEPTH = 24.0, 14.0
@@ -25,21 +25,21 @@ FOLDER = Path(__file__).parent / "office"
 
 def building(plan: Plan) -> None:
     """Floors, walls, windows and doors."""
-    plan.box(0, 0, WIDTH, DEPTH, shades.WALL)
-    plan.box(WALL, WALL, WIDTH - WALL, SOUTH - WALL, shades.CARPET)
-    plan.box(WALL, NORTH + WALL, WIDTH - WALL, DEPTH - WALL, shades.CARPET)
-    plan.box(WALL, SOUTH, WIDTH - WALL, NORTH, shades.FLOOR)
-    plan.box(WALL, WALL, SOUTH_WALLS[0], SOUTH - WALL, shades.WOOD)
-    plan.box(WALL, NORTH + WALL, NORTH_WALLS[0], DEPTH - WALL, shades.TILES)
+    plan.box(0, 0, WIDTH, DEPTH, legend.WALL)
+    plan.box(WALL, WALL, WIDTH - WALL, SOUTH - WALL, legend.CARPET)
+    plan.box(WALL, NORTH + WALL, WIDTH - WALL, DEPTH - WALL, legend.CARPET)
+    plan.box(WALL, SOUTH, WIDTH - WALL, NORTH, legend.FLOOR)
+    plan.box(WALL, WALL, SOUTH_WALLS[0], SOUTH - WALL, legend.WOOD)
+    plan.box(WALL, NORTH + WALL, NORTH_WALLS[0], DEPTH - WALL, legend.TILES)
     for x in SOUTH_WALLS:
-        plan.box(x - WALL / 2, 0, x + WALL / 2, SOUTH, shades.WALL)
+        plan.box(x - WALL / 2, 0, x + WALL / 2, SOUTH, legend.WALL)
     for x in NORTH_WALLS:
-        plan.box(x - WALL / 2, NORTH, x + WALL / 2, DEPTH, shades.WALL)
+        plan.box(x - WALL / 2, NORTH, x + WALL / 2, DEPTH, legend.WALL)
     for low, high in rooms(NORTH_WALLS):
-        plan.box(low + 0.6, DEPTH - WALL, high - 0.6, DEPTH, shades.WINDOW)
+        plan.box(low + 0.6, DEPTH - WALL, high - 0.6, DEPTH, legend.WINDOW)
     for low, high in rooms(SOUTH_WALLS):
-        plan.box(low + 0.6, 0, high - 0.6, WALL, shades.WINDOW)
-    plan.box(WIDTH - WALL, SOUTH + 0.4, WIDTH, NORTH - 0.4, shades.WINDOW)
+        plan.box(low + 0.6, 0, high - 0.6, WALL, legend.WINDOW)
+    plan.box(WIDTH - WALL, SOUTH + 0.4, WIDTH, NORTH - 0.4, legend.WINDOW)
     plan.door(3.9, SOUTH - WALL, 2.0)  # reception
     plan.door(3.2, NORTH, 1.2)  # kitchen
     for x in (6.2, 10.0, 13.8, 17.6, 21.4):
@@ -59,40 +59,40 @@ def furnish(plan: Plan) -> None:
     for index, (low, high) in enumerate(rooms(NORTH_WALLS)[1:]):  # labs 2.3.1 to 2.3.5
         middle = (low + high) / 2
         plan.table(middle, DEPTH - 1.0, high - low - 1.4, 0.7, chairs=2)
-        plan.box(high - 0.5, 9.6, high - WALL / 2, 11.6, shades.SHELF)
+        plan.box(high - 0.5, 9.6, high - WALL / 2, 11.6, legend.SHELF)
         if index % 2:
-            plan.disc(low + 0.45, NORTH + 0.65, 0.22, shades.PLANT)
+            plan.disc(low + 0.45, NORTH + 0.65, 0.22, legend.PLANT)
     for index, (low, high) in enumerate(rooms(SOUTH_WALLS)[1:]):  # labs 2.3.6 to 2.3.9
         middle = (low + high) / 2
         plan.table(middle + 0.9, 3.2, 1.8, 0.9, chairs=2)
-        plan.box(low + 0.6, WALL, high - 0.6, 0.75, shades.TABLE)
-        plan.box(high - 0.5, 4.2, high - WALL / 2, 5.6, shades.SHELF)
+        plan.box(low + 0.6, WALL, high - 0.6, 0.75, legend.TABLE)
+        plan.box(high - 0.5, 4.2, high - WALL / 2, 5.6, legend.SHELF)
         if index % 2 == 0:
-            plan.disc(low + 0.5, 1.4, 0.22, shades.PLANT)
+            plan.disc(low + 0.5, 1.4, 0.22, legend.PLANT)
     kitchen(plan)
     reception(plan)
-    plan.box(23.3, NORTH - 0.35, 23.8, NORTH, shades.SHELF)  # the corridor's printer
-    plan.box(14.9, NORTH - 0.32, 16.3, NORTH, shades.BENCH)
+    plan.box(23.3, NORTH - 0.35, 23.8, NORTH, legend.SHELF)  # the corridor's printer
+    plan.box(14.9, NORTH - 0.32, 16.3, NORTH, legend.BENCH)
 
 
 def kitchen(plan: Plan) -> None:
     """A counter along two walls and two round tables."""
-    plan.box(WALL, DEPTH - 0.75, 4.2, DEPTH - WALL, shades.COUNTER)
-    plan.box(WALL, 11.2, 0.75, DEPTH - WALL, shades.COUNTER)
+    plan.box(WALL, DEPTH - 0.75, 4.2, DEPTH - WALL, legend.COUNTER)
+    plan.box(WALL, 11.2, 0.75, DEPTH - WALL, legend.COUNTER)
     for x, y in ((1.5, 9.6), (3.6, 11.3)):
-        plan.disc(x, y, 0.5, shades.TABLE)
+        plan.disc(x, y, 0.5, legend.TABLE)
         for dx, dy in ((0.68, 0.0), (-0.68, 0.0)):
-            plan.disc(x + dx, y + dy, 0.18, shades.CHAIR)
+            plan.disc(x + dx, y + dy, 0.18, legend.CHAIR)
 
 
 def reception(plan: Plan) -> None:
     """A desk, a sofa, a plant, and the dock's base against the west wall."""
-    plan.box(1.3, 4.2, 2.1, 5.2, shades.COUNTER)
-    plan.box(2.1, 4.2, 2.5, 4.5, shades.COUNTER)
-    plan.box(4.6, 0.5, 5.3, 2.4, shades.BENCH)
-    plan.disc(5.1, 3.1, 0.25, shades.PLANT)
-    plan.box(1.6, 0.2, 3.4, 0.6, shades.SHELF)
-    plan.box(WALL, 2.8, 0.35, 3.4, shades.DOCK)
+    plan.box(1.3, 4.2, 2.1, 5.2, legend.COUNTER)
+    plan.box(2.1, 4.2, 2.5, 4.5, legend.COUNTER)
+    plan.box(4.6, 0.5, 5.3, 2.4, legend.BENCH)
+    plan.disc(5.1, 3.1, 0.25, legend.PLANT)
+    plan.box(1.6, 0.2, 3.4, 0.6, legend.SHELF)
+    plan.box(WALL, 2.8, 0.35, 3.4, legend.DOCK)
 
 
 def draw() -> Image.Image:

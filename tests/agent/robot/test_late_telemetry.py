@@ -7,11 +7,9 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 
-import pytest
 from websockets.asyncio.server import ServerConnection, serve
 
 from backend import telemetry
-from backend.agent.robot import robot_client
 from backend.agent.robot.robot_client import RobotClient
 from backend.telemetry import Battery, Pose, State, Stop, Twist
 from tests.processes import PATIENCE_S, eventually
@@ -38,18 +36,13 @@ class Line:
         await self.readers[0].send(telemetry.encode(state))
 
 
-@pytest.fixture(autouse=True)
-def patient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A slow test is no silent robot."""
-    for limit in ("STALE_S", "REST_TIMEOUT_S"):
-        monkeypatch.setattr(robot_client, limit, PATIENCE_S)
-
-
 @asynccontextmanager
 async def linked(line: Line) -> AsyncIterator[RobotClient]:
     """The agent's link, which has heard how the robot was at first."""
     async with serve(line.serve, "127.0.0.1", 0) as server:
-        link = RobotClient(f"http://127.0.0.1:{next(iter(server.sockets)).getsockname()[1]}/mcp", None)
+        url = f"http://127.0.0.1:{next(iter(server.sockets)).getsockname()[1]}/mcp"
+        # A slow test is no silent robot.
+        link = RobotClient(url, None, stale_after=PATIENCE_S, rest_timeout=PATIENCE_S)
         following = asyncio.create_task(link.run())
         await eventually(lambda: link.state, "the robot")
         yield link

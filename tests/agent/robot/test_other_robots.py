@@ -5,9 +5,6 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-import pytest
-
-from backend.agent.robot import mcp_client
 from backend.agent.robot.mcp_client import McpClient
 from tests.processes import Client, Robot
 
@@ -29,11 +26,8 @@ async def test_the_same_agent_drives_a_robot_that_shares_no_code_with_ours(tmp_p
         await client.close()
 
 
-async def test_a_server_that_has_to_be_started_may_take_longer_than_one_that_runs(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(mcp_client, "CONNECT_TIMEOUT_S", 0.01)
-    started = McpClient(f"stdio:{sys.executable} {OTHER}", absent="There is no robot.")
+async def test_a_server_that_has_to_be_started_may_take_longer_than_one_that_runs() -> None:
+    started = McpClient(f"stdio:{sys.executable} {OTHER}", absent="There is no robot.", connect_timeout=0.01)
     assert set(await started.tools()) == {"say_something", "where_am_i"}
     await started.close()
 

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from backend.config import Limits
-from backend.mcp_robot.http import camera_feed
 from backend.mcp_robot.http.camera_feed import CameraFeed
 from backend.mcp_robot.motion.pilot import Pilot
 from backend.mcp_robot.motion.stop import StopLatch
@@ -20,11 +19,7 @@ from backend.mcp_robot.simulator.world import World
 from tests.processes import eventually
 
 
-async def test_a_camera_that_fails_is_asked_again(
-    office: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(camera_feed, "RETRY", 0.05)
-
+async def test_a_camera_that_fails_is_tried_again(office: World, tmp_path: Path) -> None:
     class Shaky(SimulatedRobot):
         asked = 0
 
@@ -35,20 +30,18 @@ async def test_a_camera_that_fails_is_asked_again(
             return await super().photo()
 
     robot = Shaky(office, Limits())
-    feed = CameraFeed(Pilot(robot, StopLatch(tmp_path), Limits()), lambda: None)
-    feed.look(somebody := object())
+    feed = CameraFeed(Pilot(robot, StopLatch(tmp_path), Limits()), lambda: None, retry_after=0.05)
+    feed.watch(somebody := object())
     await eventually(lambda: feed.latest, "a picture")
     assert robot.asked >= 3
-    feed.look_away(somebody)
+    feed.unwatch(somebody)
     assert feed.latest is None
 
 
-@pytest.mark.parametrize(("still", "told"), [(math.inf, 1), (0.0, 4)])
-async def test_what_looks_the_same_is_told_again_only_now_and_then(
-    office: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, still: float, told: int
+@pytest.mark.parametrize(("repeat_after", "sent"), [(math.inf, 1), (0.0, 4)])
+async def test_a_picture_that_has_not_changed_is_sent_again_only_now_and_then(
+    office: World, tmp_path: Path, repeat_after: float, sent: int
 ) -> None:
-    monkeypatch.setattr(camera_feed, "RATE", 100.0)
-    monkeypatch.setattr(camera_feed, "STILL", still)
     seen: list[bytes] = []
 
     class Still(SimulatedRobot):
@@ -59,11 +52,12 @@ async def test_what_looks_the_same_is_told_again_only_now_and_then(
             return Picture(b"same" if self.shots < 5 else b"else", 640, 480, self.simulation.believed)
 
     robot = Still(office, Limits())
-    feed = CameraFeed(Pilot(robot, StopLatch(tmp_path), Limits()), lambda: seen.append(feed.latest or b""))
-    feed.look(somebody := object())
+    pilot = Pilot(robot, StopLatch(tmp_path), Limits())
+    feed = CameraFeed(pilot, lambda: seen.append(feed.latest or b""), rate=100.0, repeat_after=repeat_after)
+    feed.watch(somebody := object())
     await eventually(lambda: any(b"else" in frame for frame in seen), "the other picture")
-    feed.look_away(somebody)
-    assert sum(b"same" in frame for frame in seen) == told
+    feed.unwatch(somebody)
+    assert sum(b"same" in frame for frame in seen) == sent
 
 
 async def test_pictures_that_are_asked_for_together_are_drawn_by_one_thread(office: World) -> None:

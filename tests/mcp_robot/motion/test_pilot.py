@@ -10,14 +10,15 @@ from pathlib import Path
 import pytest
 
 from backend.config import Limits
+from backend.mcp_robot.motion.path_preview import PathPreview
 from backend.mcp_robot.motion.pilot import Pilot
 from backend.mcp_robot.motion.stop import StopLatch
 from backend.mcp_robot.refusal import Refusal
-from backend.mcp_robot.robot import Fix, Route, Sound
+from backend.mcp_robot.robot import Fix, Route, Sound, Velocity
 from backend.mcp_robot.simulator.simulated_robot import SimulatedRobot
 from backend.mcp_robot.simulator.world import World
-from backend.mcp_robot.tools.preview import Preview
 from backend.telemetry import Pose
+from tests.processes import eventually
 
 KITCHEN = Pose(2.9, 9.7, 0.0)
 
@@ -84,7 +85,7 @@ async def test_a_preview_that_is_taken_back_while_it_is_computed_is_never_drawn(
     robot: Thoughtful, tmp_path: Path
 ) -> None:
     pilot = Pilot(robot, StopLatch(tmp_path), Limits())
-    late = asyncio.create_task(pilot.plan(KITCHEN, final_yaw=False, preview=Preview("a.1")))
+    late = asyncio.create_task(pilot.plan(KITCHEN, final_yaw=False, preview=PathPreview("a.1")))
     await robot.asked.wait()
     assert pilot.forget_preview("a.1") is None
     robot.let.set()
@@ -96,10 +97,10 @@ async def test_a_preview_that_a_newer_one_overtakes_is_never_drawn(robot: Though
     pilot = Pilot(robot, StopLatch(tmp_path), Limits())
     drawn: list[tuple[float, float]] = []
     pilot.on_change = lambda: drawn.extend(pilot.path.points[-1:])
-    late = asyncio.create_task(pilot.plan(KITCHEN, final_yaw=False, preview=Preview("a.1")))
+    late = asyncio.create_task(pilot.plan(KITCHEN, final_yaw=False, preview=PathPreview("a.1")))
     await robot.asked.wait()
     robot.let.set()
-    newer = asyncio.create_task(pilot.plan(Pose(3.0, 2.5, 0.0), final_yaw=False, preview=Preview("b.1")))
+    newer = asyncio.create_task(pilot.plan(Pose(3.0, 2.5, 0.0), final_yaw=False, preview=PathPreview("b.1")))
     await asyncio.gather(late, newer)
     assert pilot.path.preview
     assert len(drawn) == 1
@@ -177,3 +178,41 @@ async def test_whoever_is_inside_hears_that_the_simulators_time_stands_still(off
     task = asyncio.create_task(inside())
     await asyncio.wait({task}, timeout=20)
     assert task.cancelled()
+
+
+async def test_a_preview_that_nobody_withdraws_ends_by_itself(office: World, tmp_path: Path) -> None:
+    pilot = Pilot(SimulatedRobot(office, Limits()), StopLatch(tmp_path), Limits(), preview_age=0.2)
+    await pilot.plan(KITCHEN, final_yaw=False, preview=PathPreview("a.1"))
+    assert pilot.path.preview
+    await eventually(lambda: not pilot.path.preview, "the end of the preview")
+    assert not pilot.path.points
+
+
+async def test_a_state_that_says_at_rest_has_the_pose_of_the_rest(office: World, tmp_path: Path) -> None:
+    """A robot may move on between two readings of its properties, as one that is read from another thread does."""
+
+    class Moving(SimulatedRobot):
+        @property
+        def fix(self) -> Fix:
+            now = super().fix
+            self._come_to_rest()
+            return now
+
+        @property
+        def velocity(self) -> Velocity:
+            now = super().velocity
+            self._come_to_rest()
+            return now
+
+        def _come_to_rest(self) -> None:
+            self.simulation.halt()
+            while not self.simulation.at_rest:
+                self.simulation.step()
+
+    robot = Moving(office, Limits())
+    pilot = Pilot(robot, StopLatch(tmp_path), Limits())
+    robot.simulation.drive_to(KITCHEN)
+    while robot.simulation.twist.linear < 0.3:
+        robot.simulation.step()
+    state = pilot.state()
+    assert state.twist.linear > 0.0 or state.pose == robot.simulation.pose

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from backend.mcp_robot.navigation.grid import FREE, OCCUPIED, OccupancyGrid
-from backend.mcp_robot.simulator import camera, figures, laser
+from backend.mcp_robot.simulator import laser, person_sprites, renderer
 from backend.mcp_robot.simulator.laser import Laser
 from backend.mcp_robot.simulator.world import World
 from backend.telemetry import Pose
@@ -50,9 +50,9 @@ def test_noise_is_small_and_the_same_for_the_same_seed(room: OccupancyGrid) -> N
 
 
 def picture(office: World, pose: Pose, people: tuple[Pose, ...] = ()) -> np.ndarray:
-    with Image.open(io.BytesIO(camera.photograph(office, pose, people))) as image:
+    with Image.open(io.BytesIO(renderer.photograph(office, pose, people))) as image:
         assert image.format == "JPEG"
-        assert image.size == (camera.WIDTH, camera.HEIGHT)
+        assert image.size == (renderer.WIDTH, renderer.HEIGHT)
         return np.asarray(image.convert("RGB")).astype(int)
 
 
@@ -67,7 +67,7 @@ def test_a_photo_shows_ceiling_above_wall_above_floor(office: World) -> None:
 def test_a_nearer_wall_is_taller_in_the_picture(office: World) -> None:
     def floor_rows(x: float) -> int:
         column = picture(office, Pose(x, 7.0, 0.0))[:, 320]
-        return int((np.abs(column[camera.HEIGHT // 2 :] - column[-1]).sum(axis=1) < 60).sum())
+        return int((np.abs(column[renderer.HEIGHT // 2 :] - column[-1]).sum(axis=1) < 60).sum())
 
     assert floor_rows(21.5) < floor_rows(12.0)
 
@@ -103,7 +103,7 @@ def test_a_photo_shows_people_before_the_wall_and_not_behind_it(office: World) -
     before = np.abs(picture(office, pose, (Pose(12.0, 7.0, math.pi),)) - nobody).sum(axis=2) > 90
     columns = np.flatnonzero(before.any(axis=0))
     assert abs(columns.mean() - 320) < 15
-    tall = camera.FOCAL * figures.HEIGHT / 3.0
+    tall = renderer.FOCAL * person_sprites.HEIGHT / 3.0
     assert np.ptp(np.flatnonzero(before.any(axis=1))) == pytest.approx(tall, abs=12)
     behind = np.abs(picture(office, pose, (Pose(12.0, 4.0, 0.0),)) - nobody)
     assert behind.max() < 40  # JPEG

@@ -18,7 +18,7 @@ from backend.mcp_robot.simulator.simulated_robot import SimulatedRobot
 from backend.mcp_robot.simulator.simulation import Simulation
 from backend.mcp_robot.simulator.world import World
 from backend.telemetry import Pose, Twist
-from tests.mcp_robot.simulator.test_people import standing_at
+from tests.mcp_robot.simulator.test_pedestrians import standing_at
 from tests.processes import eventually
 
 EVERYTHING = Simulator(people=4, localisation_noise=0.03, heading_noise=0.01, wheel_slip=0.1)
@@ -30,7 +30,7 @@ def virtual(office: World, seed: int = 0, settings: Simulator | None = None) -> 
 
 
 def state(simulation: Simulation) -> State:
-    return simulation.elapsed, simulation.pose, simulation.twist, tuple(simulation.surroundings.people.poses)
+    return simulation.elapsed, simulation.pose, simulation.twist, tuple(simulation.environment.people.poses)
 
 
 def run(office: World, seed: int) -> list[State]:
@@ -103,7 +103,7 @@ async def test_another_way_is_told_to_whoever_shows_it(office: World, time_scale
     async with robot.running():
         moving = asyncio.create_task(robot.drive(await robot.plan(Pose(20.0, 7.0, 0.0), final_yaw=True)))
         await eventually(lambda: robot.simulation.pose.x > 8.0, "the robot to be in the corridor")
-        robot.simulation.surroundings.people = standing_at(robot.simulation.pose.x + 3.0, 7.0)
+        robot.simulation.environment.people = standing_at(robot.simulation.pose.x + 3.0, 7.0)
         await moving
     assert len(shown) >= 1
 

@@ -10,7 +10,6 @@ import pytest
 from mcp import Client
 from mcp_types import CallToolResult, RequestParamsMeta
 
-from backend.mcp_robot.motion import pilot
 from backend.telemetry import Path as Way
 from tests.mcp_robot.conftest import Reader, Served, serving
 from tests.mcp_robot.tools.test_tools import call, refused
@@ -146,15 +145,6 @@ async def test_a_drive_that_is_refused_leaves_the_preview_of_somebody_else(robot
         assert (await refused(client, "navigate_to_place", place="lab 2.3.7")).startswith("stopped: ")
         assert (await drawn_now(robot)).preview
         await http.post("/release")
-
-
-async def test_a_preview_of_whoever_is_gone_goes(robot: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pilot, "PREVIEW_AGE", 0.2)
-    async with robot.mcp() as client, robot.telemetry("path") as reader:
-        await gone(reader)  # from now on it is told of every change
-        await drawn(client, "kitchen", id="a.1")
-        await shown(reader, KITCHEN)
-        await gone(reader)
 
 
 async def test_a_rehearsal_is_refused_for_what_the_drive_would_be(tmp_path: Path) -> None:

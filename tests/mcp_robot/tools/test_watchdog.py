@@ -20,7 +20,7 @@ from backend.config import Limits
 from backend.mcp_robot.tools import watchdog
 from backend.sockets import notice_loss
 from tests.mcp_robot.conftest import Reader, Served, serving
-from tests.mcp_robot.tools.dead_line import line_to
+from tests.mcp_robot.tools.stalling_proxy import proxy_to
 from tests.mcp_robot.tools.test_tools import call
 
 SILENCE = 2.0
@@ -104,11 +104,11 @@ async def test_a_line_that_goes_dead_without_closing(tmp_path: Path, code: str) 
     async with (
         serving(tmp_path, time_scale=1.0, limits=LIMITS) as robot,
         robot.telemetry("state", rate=50) as reader,
-        line_to(robot.port) as line,
-        client(robot, code, line.port),
+        proxy_to(robot.port) as proxy,
+        client(robot, code, proxy.port),
     ):
         await reader.state(lambda s: s.twist.linear > 0.3)
-        line.die()
+        proxy.stall()
         assert await seconds_to_rest(reader) < WITHIN
 
 
@@ -132,14 +132,14 @@ async def test_the_agents_connection_outlives_the_silence_that_ended_its_motion(
     async with (
         serving(tmp_path, time_scale=1.0, limits=LIMITS) as robot,
         robot.telemetry("state", rate=50) as reader,
-        line_to(robot.port) as line,
+        proxy_to(robot.port) as proxy,
     ):
-        tools = McpClient(f"http://127.0.0.1:{line.port}/mcp", robot.headers, absent="gone")
+        tools = McpClient(f"http://127.0.0.1:{proxy.port}/mcp", robot.headers, absent="gone")
         driving = asyncio.create_task(tools.call("navigate_to_place", {"place": "lab 2.3.7"}))
         await reader.state(lambda s: s.twist.linear > 0.3)
-        line.die()
+        proxy.stall()
         await seconds_to_rest(reader)
-        line.revive()
+        proxy.resume()
         result = await driving
         assert result.failed
         assert result.text.startswith("silent: The client has been silent for 2 s")

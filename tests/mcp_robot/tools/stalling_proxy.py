@@ -1,4 +1,4 @@
-"""A line between a client and the robot server that can go dead: it stays open and carries nothing, either way."""
+"""A TCP proxy between a client and the robot server that can stall: it stays open and carries nothing, either way."""
 
 from __future__ import annotations
 
@@ -7,20 +7,21 @@ import contextlib
 from collections.abc import AsyncIterator
 
 
-class Line:
-    """Forwards TCP connections to `target`. While dead, what is sent is taken and kept, as by a router's buffers."""
+class StallingProxy:
+    """Forwards TCP connections to `target`. While stalled, it takes what is sent and keeps it, as a router's buffers
+    do."""
 
     def __init__(self, target: int) -> None:
         self._target = target
-        self._alive = asyncio.Event()
-        self._alive.set()
+        self._flows = asyncio.Event()
+        self._flows.set()
         self.port = 0  # set when it listens
 
-    def die(self) -> None:
-        self._alive.clear()
+    def stall(self) -> None:
+        self._flows.clear()
 
-    def revive(self) -> None:
-        self._alive.set()
+    def resume(self) -> None:
+        self._flows.set()
 
     async def forward(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         there = await asyncio.open_connection("127.0.0.1", self._target)
@@ -29,20 +30,20 @@ class Line:
     async def _copy(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         with contextlib.suppress(OSError):
             while data := await reader.read(65536):
-                await self._alive.wait()
+                await self._flows.wait()
                 writer.write(data)
                 await writer.drain()
-        await self._alive.wait()
+        await self._flows.wait()
         writer.close()
 
 
 @contextlib.asynccontextmanager
-async def line_to(port: int) -> AsyncIterator[Line]:
-    line = Line(port)
-    server = await asyncio.start_server(line.forward, "127.0.0.1", 0)
-    line.port = server.sockets[0].getsockname()[1]
+async def proxy_to(port: int) -> AsyncIterator[StallingProxy]:
+    proxy = StallingProxy(port)
+    server = await asyncio.start_server(proxy.forward, "127.0.0.1", 0)
+    proxy.port = server.sockets[0].getsockname()[1]
     try:
-        yield line
+        yield proxy
     finally:
-        line.revive()
+        proxy.resume()
         server.close()

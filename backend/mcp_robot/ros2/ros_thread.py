@@ -1,7 +1,8 @@
-"""The one thread in which ROS lives: a context, a node and an executor of this robot's own.
+"""The thread in which ROS runs: a context, a node and an executor of their own.
 
-asyncio never waits for ROS: work goes to the executor's thread by `submit`, and what comes back is set on the event
-loop. Entities are made and destroyed on that thread alone; publishing may happen on any. Nothing here knows a robot.
+asyncio never waits for ROS: `submit` hands work to the executor's thread, and its result is set on the event loop.
+Subscriptions and clients are made and destroyed on that thread alone; any thread may publish. Nothing here knows a
+robot.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ JOIN_LIMIT = 5.0
 logger = logging.getLogger(__name__)
 
 
-class RosLink:
+class RosThread:
     """A node whose callbacks run in a thread of its own, from `open` to `close`."""
 
     def __init__(self, name: str, domain_id: int | None) -> None:

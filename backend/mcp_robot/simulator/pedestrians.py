@@ -1,8 +1,8 @@
-"""People who walk about, each on a round between places with pauses, clear of walls, each other and the robot.
+"""Pedestrians: each walks a closed path between places, with pauses, clear of walls, each other and the robot.
 
-Plain state in time, seeded: the same steps give the same people. They walk on ways that were planned once, forwards or
-backwards, so that a step costs next to nothing. None of them ever walks into the robot: they stop before it, stand in
-its way, and turn round when that lasts. The robot is told nothing of them; its laser and its camera see them.
+Plain state in time, seeded: the same steps give the same people. Their paths are planned once and walked forwards or
+backwards, so that a step costs next to nothing. Nobody walks into the robot: they stop before it, stand in its way, and
+turn round when that lasts. The robot knows of them only by its laser and its camera.
 """
 
 from __future__ import annotations
@@ -21,22 +21,23 @@ from backend.telemetry import Pose
 RADIUS = 0.22
 """Radius of a person in m."""
 WALKING_ROOM = 0.35
-"""Their ways keep so far (m) from walls."""
+"""Their paths keep so far (m) from walls."""
 SPEED = (0.7, 1.2)
+"""m/s, of the slowest and of the fastest."""
 PAUSE = (2.0, 8.0)
 """Seconds at each place."""
 PATIENCE = (3.0, 6.0)
-"""Seconds before something in the way, after which they turn round."""
+"""Seconds that they wait before something in their way; then they turn round."""
 SIDESTEP, SIDESTEP_SPEED = 0.9, 0.5
-"""So far (m) and so fast (m/s) they step aside from their way for the robot."""
+"""How far (m) and how fast (m/s) they step aside for the robot."""
 HURRY = 2.5
-"""Nobody moves faster than this (m/s), not even aside of their way round a corner."""
+"""Nobody moves faster than this (m/s), not even beside their path round a corner."""
 PERSONAL_SPACE = 0.25
 """m that they keep between themselves and the robot, beyond the way that it needs to stop."""
 STOPS = 3
 """Places on a round."""
 START_CLEAR = 2.5
-"""m around the robot in which nobody begins."""
+"""Radius in m around the robot in which nobody begins."""
 
 Room = Callable[[float, float], float]
 """Clearance in m of a point from all that stands."""
@@ -44,16 +45,16 @@ Room = Callable[[float, float], float]
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """A closed way: points about planner.SPACING apart, and at which of them one pauses."""
+    """A closed path: points about planner.SPACING apart, and the indices of those where a person pauses."""
 
     points: list[tuple[float, float]]
     stops: frozenset[int]
 
 
 @dataclass
-class Person:
-    """Someone on a round. `at` counts the points done, with fractions; `aside` is m to the left of the way, whatever
-    the `direction`, which is 1 or -1; `waiting` and `pausing` are s."""
+class Pedestrian:
+    """A person on a round. `at` is the position on it as an index of its points, with fractions; `aside` is in m to the
+    left of the path, seen forwards; `direction` is 1 or -1; `waiting` and `pausing` are in s."""
 
     round: Round
     at: float
@@ -66,7 +67,7 @@ class Person:
 
     @property
     def pose(self) -> Pose:
-        """Where the person is and looks."""
+        """Where the person is, and the direction of their face."""
         points = self.round.points
         here, part = int(self.at), self.at - int(self.at)
         (x0, y0), (x1, y1) = points[here % len(points)], points[(here + 1) % len(points)]
@@ -76,17 +77,17 @@ class Person:
         return Pose(x0 + part * dx - left * dy, y0 + part * dy + left * dx, heading)
 
 
-class People:
-    """All people of a building."""
+class Pedestrians:
+    """All pedestrians of a building."""
 
-    def __init__(self, everyone: list[Person], generator: np.random.Generator) -> None:
+    def __init__(self, everyone: list[Pedestrian], generator: np.random.Generator) -> None:
         self._everyone = everyone
         self._generator = generator
         self.poses: list[Pose] = [person.pose for person in everyone]  # replaced by `step`
 
     @property
     def discs(self) -> list[Disc]:
-        """What the laser sees of them."""
+        """The discs that the laser sees."""
         return [(pose.x, pose.y, RADIUS) for pose in self.poses]
 
     def clearance(self, x: float, y: float) -> float:
@@ -116,8 +117,8 @@ class People:
                 self._pause_at_stop(person, before[0])
             self.poses[index] = person.pose
 
-    def _wishes(self, person: Person, dt: float) -> list[tuple[float, float]]:
-        """What somebody would do next, best first, as `at` and `aside`: go on, and back to the way; or step aside."""
+    def _wishes(self, person: Pedestrian, dt: float) -> list[tuple[float, float]]:
+        """What a person would do next, best first, as `at` and `aside`: go on and back to the path, or step aside."""
         on = (person.at + person.direction * person.speed * dt / planner.SPACING) % len(person.round.points)
         step = SIDESTEP_SPEED * dt
         back = max(abs(person.aside) - step, 0.0)
@@ -125,13 +126,13 @@ class People:
         right_first = (person.aside - step, person.aside + step)[:: person.direction]
         return wishes + [(person.at, aside) for aside in right_first if abs(aside) <= SIDESTEP]
 
-    def _pause_at_stop(self, person: Person, before: float) -> None:
+    def _pause_at_stop(self, person: Pedestrian, before: float) -> None:
         passed = int(person.at) if person.direction > 0 else int(before)
         if int(person.at) != int(before) and passed in person.round.stops:
             person.pausing = float(self._generator.uniform(*PAUSE))
 
     def _free(self, index: int, there: Pose, room: Room, robot: Pose, keep: float) -> bool:
-        """Whether somebody may step there: nothing is too near, or at least they go away from it."""
+        """Whether a person may step there: nothing is too near, or at least the step leads away from it."""
         here = self.poses[index]
         if not _room_or_away(room(there.x, there.y), room(here.x, here.y), RADIUS):
             return False
@@ -150,16 +151,16 @@ def _room_or_away(there: float, here: float, needed: float) -> bool:
 
 def populate(
     grid: OccupancyGrid, places: list[Pose], count: int, robot: Pose, generator: np.random.Generator
-) -> People:
+) -> Pedestrians:
     """`count` people on rounds between `places`, or between free spots of a map that has none.
 
     Where there is not enough floor for so many, there are fewer.
     """
     if not count:
-        return People([], generator)
+        return Pedestrians([], generator)
     search = planner.search_grid(grid, WALKING_ROOM)
     spots = np.array([(p.x, p.y) for p in places]) if len(places) >= STOPS else _spots(grid, generator)
-    everyone: list[Person] = []
+    everyone: list[Pedestrian] = []
     for _ in range(4 * count):
         if len(everyone) == count or len(spots) < STOPS:
             break
@@ -168,7 +169,7 @@ def populate(
             walk = _round(grid, search, stops)
         except planner.Unreachable:
             continue
-        person = Person(
+        person = Pedestrian(
             walk,
             at=float(generator.uniform(0, len(walk.points))),
             speed=float(generator.uniform(*SPEED)),
@@ -176,7 +177,7 @@ def populate(
         )
         if _apart(person.pose, robot) > START_CLEAR and all(_apart(person.pose, p.pose) > 1.0 for p in everyone):
             everyone.append(person)
-    return People(everyone, generator)
+    return Pedestrians(everyone, generator)
 
 
 def _round(grid: OccupancyGrid, search: planner.SearchGrid, stops: list[tuple[float, float]]) -> Round:

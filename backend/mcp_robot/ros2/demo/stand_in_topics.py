@@ -1,7 +1,7 @@
 """The topics of the stand-in: what localisation, drivers, map server and camera of a real robot publish.
 
-Latest values at fixed rates of the wall's clock, with the simulator's stamps. AMCL speaks when the robot has moved, as
-the real one does; pictures are drawn only while somebody looks.
+Latest values at fixed rates of the wall's clock, with the simulator's stamps. The AMCL pose is published when the robot
+has moved, as by the real one; pictures are drawn only while they have a subscriber.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from backend.config import Robot
 from backend.mcp_robot.navigation.grid import OCCUPIED, UNKNOWN, OccupancyGrid
 from backend.mcp_robot.ros2 import convert
 from backend.mcp_robot.ros2.frames import compose, inverse
-from backend.mcp_robot.ros2.link import RosLink
+from backend.mcp_robot.ros2.ros_thread import RosThread
 from backend.mcp_robot.ros2.senses import LATCHED
 from backend.mcp_robot.ros2.waiting import until
 from backend.mcp_robot.simulator.simulated_robot import SimulatedRobot
@@ -43,22 +43,22 @@ SCAN_EVERY, BATTERY_EVERY, PICTURE_EVERY = 0.1, 0.2, 0.2
 AMCL_WAY, AMCL_TURN = 0.25, 0.2
 """AMCL's update_min_d and update_min_a."""
 ODOM_IN_MAP = Pose(0.9, 3.1, 0.4)
-"""Where odometry began: it knows nothing of the map, and so has a frame of its own."""
+"""The pose of the odometry's frame in the map: odometry knows nothing of the map (REP 105)."""
 LASER_FRAME = "base_scan"
 
 
-class Topics:
+class StandInTopics:
     """All publishers and subscriptions, made before the ROS thread starts."""
 
-    def __init__(self, link: RosLink, robot: SimulatedRobot, settings: Robot) -> None:
+    def __init__(self, ros: RosThread, robot: SimulatedRobot, settings: Robot) -> None:
         self._robot = robot
         self._settings = s = settings.ros2
         self._time_scale = settings.time_scale
         self.on_zero: Callable[[], None] = lambda: None  # called on the ROS thread with each zero velocity
         self.on_say: Callable[[str], None] = lambda _: None  # called there with each text
-        self._amcl_said: Pose | None = None  # the pose that AMCL told last
+        self._amcl_published: Pose | None = None  # the latest pose that was published as AMCL does
         self._due: dict[str, float] = {}  # topic -> time of its next message
-        node = link.node
+        node = ros.node
         reliable, sensor = QoSProfile(depth=10), qos_profile_sensor_data
         self._clock = node.create_publisher(Clock, "/clock", sensor)
         self._frames = node.create_publisher(TFMessage, "/tf", QoSProfile(depth=100))
@@ -82,7 +82,7 @@ class Topics:
             self.on_zero()
 
     async def heard(self) -> None:
-        """Wait until somebody listens."""
+        """Wait for the first subscriber to odometry."""
         await until(self._odometry.get_subscription_count, math.inf)
 
     async def publish_for_ever(self) -> None:
@@ -110,7 +110,7 @@ class Topics:
             )
         )
         if self._amcl and self._has_moved(pose):
-            self._amcl_said = pose
+            self._amcl_published = pose
             message = PoseWithCovarianceStamped()
             self._stamp(message.header, s.map_frame)
             convert.set_pose(message.pose.pose, pose)
@@ -132,7 +132,7 @@ class Topics:
         return True
 
     def _has_moved(self, pose: Pose) -> bool:
-        said = self._amcl_said
+        said = self._amcl_published
         if said is None:
             return True
         turned = abs(math.remainder(pose.yaw - said.yaw, math.tau))

@@ -102,7 +102,7 @@ def test_a_door_does_not_close_on_the_robot_and_an_unknown_one_is_refused(office
     simulation.pose = Pose(11.6, 6.0, 0.0)
     with pytest.raises(ValueError, match="Somebody stands in the door"):
         simulation.close_door("lab-2.3.7")
-    assert simulation.surroundings.closed == frozenset()
+    assert simulation.environment.closed == frozenset()
     with pytest.raises(WorldError, match=r"no door 'cellar'.*lab-2\.3\.7"):
         simulation.close_door("cellar")
     with pytest.raises(WorldError, match="no door 'cellar'"):

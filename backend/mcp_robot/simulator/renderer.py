@@ -1,8 +1,8 @@
-"""The first-person camera: a picture of the map as if it were a building.
+"""Renders the picture of the robot's camera: the map as if it were a building.
 
 Plain functions over an immutable world, run in a thread. For every column of the picture a ray is followed through the
 map; the nearest thing whose top reaches above a row fills that row (the voxel-space method of Comanche, 1992), unless
-floor, ceiling or the lintel of a door come first. Colours are in `materials`. Nothing may navigate by this picture.
+floor, ceiling or the lintel of a door come first. materials.py has the colours. Nothing may navigate by this picture.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
 from backend.mcp_robot.navigation.grid import Floats32
-from backend.mcp_robot.simulator import figures, materials, shades
+from backend.mcp_robot.simulator import legend, materials, person_sprites
 from backend.mcp_robot.simulator.world import Sign, World
 from backend.telemetry import Pose
 
@@ -35,7 +35,8 @@ Indices = npt.NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class Rays:
-    """What the rays of all columns meet at each of `_DEPTHS`: arrays of shape (samples, columns), nearest first."""
+    """The shade and height in m of the map at each of `_DEPTHS` along the ray of each column: shape (samples, columns),
+    nearest first."""
 
     shade: npt.NDArray[np.uint8]
     height: Floats32
@@ -43,7 +44,7 @@ class Rays:
 
 @lru_cache(maxsize=1)  # a robot at rest sees the same five times a second
 def photograph(world: World, pose: Pose, people: tuple[Pose, ...] = ()) -> bytes:
-    """The picture from `pose` as JPEG; `people` are where they stand and look."""
+    """The picture from `pose` as JPEG; `people` are their poses."""
     rays = _follow_rays(world, pose)
     distance, sample, kind = _nearest(rays)
     pixels = materials.paint(world, _surface(pose, rays, distance, sample, kind))
@@ -85,7 +86,7 @@ def _follow_rays(world: World, pose: Pose) -> Rays:
     row = np.floor((np.outer(_DEPTHS, dy) + (pose.y - grid.origin_y)) / grid.resolution).astype(np.intp)
     outside = (column < 0) | (column >= grid.width) | (row < 0) | (row >= grid.height)
     shade = world.shades[np.clip(row, 0, grid.height - 1), np.clip(column, 0, grid.width - 1)]
-    shade = np.where(outside, np.uint8(shades.UNKNOWN), shade)
+    shade = np.where(outside, np.uint8(legend.UNKNOWN), shade)
     return Rays(shade, materials.HEIGHTS.take(shade))
 
 
@@ -105,10 +106,10 @@ def _nearest(rays: Rays) -> tuple[Floats32, Indices, npt.NDArray[np.uint8]]:
 
     number = np.arange(samples + 1, dtype=np.int16)[:, None]
     door = np.full((samples + 1, WIDTH), samples, dtype=np.int16)
-    door[:-1] = np.where(rays.shade == shades.DOORWAY, number[:-1], number[-1])
+    door[:-1] = np.where(rays.shade == legend.DOORWAY, number[:-1], number[-1])
     next_door = np.minimum.accumulate(door[::-1], axis=0)[::-1]
-    lintel = next_door[np.searchsorted(_DEPTHS, _up_to(shades.LINTEL_HEIGHT))]
-    ceiling, floor = _up_to(shades.CEILING_HEIGHT)[:, None], _up_to(0.0)[:, None]
+    lintel = next_door[np.searchsorted(_DEPTHS, _up_to(legend.LINTEL_HEIGHT))]
+    ceiling, floor = _up_to(legend.CEILING_HEIGHT)[:, None], _up_to(0.0)[:, None]
     for surface, far, at in (
         (materials.LINTEL, depth[lintel], lintel),
         (materials.CEILING, ceiling, np.searchsorted(_DEPTHS, ceiling)),
@@ -154,7 +155,8 @@ def _surface(
 
 
 def _show_people(image: Image.Image, people: tuple[Pose, ...], pose: Pose, distance: Floats32) -> None:
-    """The farthest first; at their feet the floor is as near as they are, so a little nearer counts as before it."""
+    """Paste people, the farthest first. The floor at their feet is as near as they are, so their depth is reduced a
+    little."""
     numbered = sorted(enumerate(people), key=lambda item: -math.hypot(item[1].x - pose.x, item[1].y - pose.y))
     for number, person in numbered:
         depth, left = _in_view(person.x, person.y, pose)
@@ -162,11 +164,11 @@ def _show_people(image: Image.Image, people: tuple[Pose, ...], pose: Pose, dista
             continue
         scale = FOCAL / depth
         column, feet = WIDTH / 2 - scale * left, HORIZON + scale * EYE
-        half, height = scale * figures.WIDTH / 2, scale * figures.HEIGHT
+        half, height = scale * person_sprites.WIDTH / 2, scale * person_sprites.HEIGHT
         facing = math.cos(person.yaw - pose.yaw) < 0.0
         box = (round(column - half), round(feet - height), round(column + half), round(feet))
         if box[0] < WIDTH and box[2] > 0:
-            figures.place(image, figures.figure(number, facing), box, depth * 0.98 - 0.05, distance)
+            person_sprites.paste(image, person_sprites.sprite(number, facing), box, depth * 0.98 - 0.05, distance)
 
 
 def _in_view(x: float, y: float, pose: Pose) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""The fields of the interfaces that are generated, as ROS 2 Humble to Kilted have them. Facts, no behaviour.
+"""The fields of the interfaces that are generated, as in ROS 2 Humble to Kilted. Data, no behaviour.
 
 Results grew: Humble's navigation result holds nothing, Iron and Jazzy added an error code, Kilted a message to it.
 """

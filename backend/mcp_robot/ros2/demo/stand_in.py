@@ -21,8 +21,8 @@ from backend.config import Robot
 from backend.mcp_robot.navigation.grid import FREE
 from backend.mcp_robot.refusal import Halted, Refusal
 from backend.mcp_robot.ros2 import convert
-from backend.mcp_robot.ros2.demo_topics import Topics
-from backend.mcp_robot.ros2.link import RosLink
+from backend.mcp_robot.ros2.demo.stand_in_topics import StandInTopics
+from backend.mcp_robot.ros2.ros_thread import RosThread
 from backend.mcp_robot.ros2.waiting import until
 from backend.mcp_robot.simulator.simulated_robot import SimulatedRobot
 from backend.telemetry import Pose
@@ -30,9 +30,9 @@ from backend.telemetry import Pose
 logger = logging.getLogger(__name__)
 
 FEEDBACK_EVERY = 0.05
-"""Wall seconds between feedbacks, and between looks at whether a goal was cancelled."""
+"""Wall seconds between feedbacks, and between two checks whether a goal was cancelled."""
 PROGRESS_TIME = 10.0
-"""Wall seconds that a robot may stand before its goal is given up, as Nav2's progress checker has it."""
+"""Wall seconds without progress after which a goal is given up, as by Nav2's progress checker."""
 COLLISION_AHEAD, NO_PROGRESS, NO_VALID_PATH, UNKNOWN = 703, 105, 209, 9000
 
 End = Literal["succeeded", "canceled", "aborted"]
@@ -44,8 +44,8 @@ class StandIn:
     def __init__(self, robot: SimulatedRobot, settings: Robot) -> None:
         self._robot = robot
         self._settings = settings.ros2
-        self._link = RosLink("robot_acp_demo", settings.ros2.domain_id)
-        self._topics = Topics(self._link, robot, settings)
+        self._ros = RosThread("robot_acp_demo", settings.ros2.domain_id)
+        self._topics = StandInTopics(self._ros, robot, settings)
         self._loop = asyncio.get_running_loop()
         self._tasks: set[asyncio.Task[None]] = set()  # goals under way, and what the robot says
         self._latest: Any = None  # the goal that moves the robot
@@ -61,9 +61,9 @@ class StandIn:
         self._topics.on_say = lambda text: self._soon(lambda: self._start(self._say(text)))
 
     async def run(self) -> None:
-        """Be part of the ROS graph until cancelled. Simulated time begins when somebody listens."""
-        self._link.open()
-        print(f"The stand-in for a ROS 2 robot is on the domain {self._link.domain}.", flush=True)
+        """Be part of the ROS graph until cancelled. Simulated time begins with the first subscriber to odometry."""
+        self._ros.open()
+        print(f"The stand-in for a ROS 2 robot is on the domain {self._ros.domain}.", flush=True)
         try:
             await self._topics.heard()
             async with self._robot.running():
@@ -72,7 +72,7 @@ class StandIn:
             for task in self._tasks:
                 task.cancel()
             await asyncio.gather(*self._tasks, return_exceptions=True)
-            await asyncio.to_thread(self._link.close)
+            await asyncio.to_thread(self._ros.close)
 
     def _soon(self, work: Callable[[], Any]) -> None:
         with contextlib.suppress(RuntimeError):  # the loop has ended
@@ -94,7 +94,7 @@ class StandIn:
         async def work(handle: Any) -> None:
             result = kind.Result()
             ends[bytes(handle.goal_id.uuid)] = (await serve(handle, result), result)
-            self._link.submit(handle.execute)
+            self._ros.submit(handle.execute)
 
         def execute(handle: Any) -> Any:
             end, result = ends.pop(bytes(handle.goal_id.uuid))
@@ -102,7 +102,7 @@ class StandIn:
             return result
 
         ActionServer(
-            self._link.node, kind, name, execute,
+            self._ros.node, kind, name, execute,
             goal_callback=self._acceptable,
             handle_accepted_callback=lambda handle: self._soon(lambda: self._start(work(handle))),
             cancel_callback=lambda _: CancelResponse.ACCEPT,

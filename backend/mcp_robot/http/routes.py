@@ -1,7 +1,8 @@
 """The robot server's HTTP: MCP, telemetry, stop and health, behind one access check.
 
-Routes only; what they do is elsewhere. Stop must work whatever the request looks like: a stop is never refused for its
-form, and never waits for its body. Who pressed it stands in the address, so that the name comes with the request.
+Routes only; what they do is elsewhere. Stop has to work whatever the request looks like: it is never refused for its
+form and never waits for its body. The name of the person who pressed it is a query parameter, because that arrives with
+the first line of the request.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from backend.mcp_robot.http.access import Access
 from backend.mcp_robot.http.telemetry_stream import TelemetryStream
 from backend.mcp_robot.motion.pilot import Pilot
 from backend.mcp_robot.motion.stop import name_of
-from backend.mcp_robot.tools.catalogue import RobotServer
+from backend.mcp_robot.tools.mcp_server import RobotServer
 
 
 def create_app(pilot: Pilot, tools: RobotServer, token: bytes, host: str) -> Starlette:
@@ -46,7 +47,7 @@ def create_app(pilot: Pilot, tools: RobotServer, token: bytes, host: str) -> Sta
     async def forget_preview(request: Request) -> JSONResponse:
         return JSONResponse({"preview": pilot.forget_preview(request.path_params["id"])})
 
-    # Access has checked Host and Origin already, and for more than loopback.
+    # The SDK's own check of Host and Origin knows only loopback addresses; `Access` has checked them already.
     security = TransportSecuritySettings(enable_dns_rebinding_protection=False)
     mcp = tools.streamable_http_app(transport_security=security, host=host)
 

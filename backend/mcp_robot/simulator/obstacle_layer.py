@@ -1,7 +1,7 @@
-"""What the laser sees and the map does not know: a local layer of obstacles that forgets.
+"""The obstacle layer: what the laser sees and the map does not show, as in a costmap.
 
-Plain state, time passed in. It lives in the frame of the pose that the robot believes, as everything that a robot
-knows; it never looks at the true world. A point is forgotten when a ray passes through it, or after a while unseen.
+Plain state, time passed in. Points are placed from the pose that the robot believes, as all that a robot knows; nothing
+here reads the true world. A point is removed when a ray passes through it, or after a while in which it was not seen.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from backend.telemetry import Pose
 CELL = 0.1
 """Points nearer to each other than about this (m) are one."""
 SIGHT = 5.0
-"""What is farther away (m) is not taken in: it may be gone when the robot comes."""
+"""Readings farther away (m) are ignored: the thing may be gone when the robot comes."""
 EXPLAINED = 0.15
-"""A reading this near (m) to what the map shows is that, not something new; localisation errors add to it."""
+"""A reading so near (m) to a wall of the map is that wall, not something new; localisation errors add to it."""
 MEMORY = 60.0
 """Seconds after which an obstacle that was not seen again is forgotten."""
 
 
-class Obstacles:
-    """Points in the map frame. `tolerance` (m) is how wrong the believed pose can make a reading."""
+class ObstacleLayer:
+    """Points in the map frame. `tolerance` is the error in m that the believed pose can add to a reading."""
 
     def __init__(self, grid: OccupancyGrid, tolerance: float = 0.0) -> None:
         self._grid = grid
@@ -63,7 +63,7 @@ class Obstacles:
                 del self._seen[cell]
 
     def obstruct(self, line: Floats, radius: float) -> bool:
-        """Whether one of them lies within `radius` m of a line's points, shape (n, 2)."""
+        """Whether an obstacle lies within `radius` m of a line's points, shape (n, 2)."""
         if not len(self.points) or not len(line):
             return False
         apart = self.points[:, None, :] - line[None, :, :]

@@ -1,6 +1,6 @@
-"""What is really there: the building with its doors open or closed, and the people in it.
+"""The simulated environment: the building with its doors open or closed, and the people in it.
 
-The truth, which the robot is never told: its laser, its camera and its bumper meet it. Seeded, no clock.
+This is the ground truth. The robot knows of it only what its laser, its camera and its bumper meet. Seeded, no clock.
 """
 
 from __future__ import annotations
@@ -9,17 +9,17 @@ import numpy as np
 
 from backend.config import Simulator
 from backend.mcp_robot.navigation.grid import Floats
-from backend.mcp_robot.simulator import people
+from backend.mcp_robot.simulator import pedestrians
 from backend.mcp_robot.simulator.laser import Laser
 from backend.mcp_robot.simulator.world import World
 from backend.telemetry import Pose
 
 DOORWAY_CLEAR = 0.6
-"""Nobody may stand so near (m) to a door that closes."""
+"""A door does not close while the robot or a person is nearer to it than this (m)."""
 
 
-class Surroundings:
-    """`building` is the world as it stands now; `closed` are the ids of the doors that are closed."""
+class Environment:
+    """`building` is the world with its doors as they are now; `closed` are the ids of the doors that are closed."""
 
     def __init__(self, world: World, settings: Simulator, generator: np.random.Generator) -> None:
         self._world = world
@@ -29,7 +29,7 @@ class Surroundings:
         self.laser = Laser(world.grid, self._rays)
         self._set_doors(frozenset(settings.closed_doors))
         places = [place.pose for place in world.places.places if place.kind == "space"]
-        self.people = people.populate(self.building.grid, places, settings.people, world.start, generator)
+        self.people = pedestrians.populate(self.building.grid, places, settings.people, world.start, generator)
 
     def close_door(self, door: str, robot: Pose) -> None:
         """Close a door. Raises `WorldError` for an unknown one, `ValueError` while the robot or a person is in it."""
@@ -49,7 +49,7 @@ class Surroundings:
             self.laser = Laser(self.building.grid, self._rays)
 
     def step(self, dt: float, robot: Pose, keep: float) -> None:
-        """People walk for `dt` s, none nearer to the robot than `keep` m and what politeness adds."""
+        """People walk for `dt` s, nobody nearer to the robot than `keep` m and their personal space."""
         self.people.step(dt, self.building.grid.clearance, robot, keep)
 
     def clearance(self, x: float, y: float) -> float:
@@ -57,5 +57,5 @@ class Surroundings:
         return min(self.building.grid.clearance(x, y), self.people.clearance(x, y))
 
     def scan(self, pose: Pose, noise: np.random.Generator | None = None, *, every: int = 1) -> Floats:
-        """What the laser reads at a pose."""
+        """The laser's ranges in m at a true pose, of each ray or `every` nth."""
         return self.laser.scan(pose, self.people.discs, noise, every=every)

@@ -1,6 +1,6 @@
-"""What a ROS 2 robot offers and lacks, looked at from outside: imports, topics, actions, transform.
+"""Diagnoses a ROS 2 robot from outside: imports, topics, actions, transform. `robot-acp doctor` prints the findings.
 
-It listens and asks; it never commands anything, so that it may be run beside a robot that drives.
+It only listens and commands nothing, so that it may be run beside a robot that drives.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from backend.findings import Finding, bad, good
 from backend.mcp_robot.ros2 import interfaces
 
 LISTEN = 8.0
-"""Seconds that it listens before it says that something is missing: nodes need a while to see each other."""
+"""Seconds that it listens before it reports that a part is missing: nodes need a while to discover each other."""
 LOOK_EVERY = 0.5
 
 
 async def examine(settings: Settings) -> list[Finding]:
-    """Everything about ROS, in the order in which one thing needs the other."""
+    """All findings about ROS, in the order in which one thing needs the other."""
     ros2 = settings.robot.ros2
     try:
         interfaces.require_rclpy()
@@ -42,32 +42,32 @@ async def examine(settings: Settings) -> list[Finding]:
 async def _graph(settings: Settings) -> list[Finding]:
     from rclpy.utilities import get_rmw_implementation_identifier
 
-    from backend.mcp_robot.ros2.link import RosLink
+    from backend.mcp_robot.ros2.ros_thread import RosThread
     from backend.mcp_robot.ros2.senses import Senses
 
-    link = RosLink("robot_acp_doctor", settings.robot.ros2.domain_id)
-    senses = Senses(link.node, settings.robot.ros2, settings.robot.limits.pose_timeout, ())
-    link.open()
+    ros = RosThread("robot_acp_doctor", settings.robot.ros2.domain_id)
+    senses = Senses(ros.node, settings.robot.ros2, settings.robot.limits.pose_timeout, ())
+    ros.open()
     try:
         deadline = time.monotonic() + LISTEN
         while True:
             await asyncio.sleep(LOOK_EVERY)
-            found = await link.run(lambda: _all(link, senses, get_rmw_implementation_identifier()))
+            found = await ros.run(lambda: _all(ros, senses, get_rmw_implementation_identifier()))
             if all(finding.ok for finding in found) or time.monotonic() > deadline:
                 return found
     finally:
-        await asyncio.to_thread(link.close)
+        await asyncio.to_thread(ros.close)
 
 
-def _all(link: Any, senses: Any, middleware: str) -> list[Finding]:
-    nodes = [name for name in link.node.get_node_names() if name != link.node.get_name()]
-    about = f"{middleware}, domain {link.domain}"
+def _all(ros: Any, senses: Any, middleware: str) -> list[Finding]:
+    nodes = [name for name in ros.node.get_node_names() if name != ros.node.get_name()]
+    about = f"{middleware}, domain {ros.domain}"
     if not nodes:
         advice = "Start the robot, or set robot.ros2.domain_id or ROS_AUTOMATIC_DISCOVERY_RANGE as it has them."
         return [bad("ROS graph", f"no other node is to be seen ({about})", advice)]
     graph = good("ROS graph", f"{len(nodes)} other node{'' if len(nodes) == 1 else 's'} ({about})")
-    return [graph, *_topics(link.node, senses), *_picture(link.node, senses), *_outputs(link.node, senses.settings),
-            *_actions(link.node, senses.settings), _transform(senses)]  # fmt: skip
+    return [graph, *_topics(ros.node, senses), *_picture(ros.node, senses), *_outputs(ros.node, senses.settings),
+            *_actions(ros.node, senses.settings), _transform(senses)]  # fmt: skip
 
 
 def _topics(node: Any, senses: Any) -> Iterator[Finding]:
@@ -84,7 +84,7 @@ def _topics(node: Any, senses: Any) -> Iterator[Finding]:
 
 
 def _picture(node: Any, senses: Any) -> Iterator[Finding]:
-    # Not heard, only looked for: pictures are large.
+    # Counted and not subscribed to: pictures are large.
     if topic := senses.settings.image:
         count = node.count_publishers(topic)
         advice = "Start the camera's driver, or set robot.ros2.image."

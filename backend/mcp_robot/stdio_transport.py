@@ -1,7 +1,8 @@
 """MCP over standard input and output, in a way that can be cancelled.
 
-The SDK reads standard input in a thread that nothing can interrupt, so that a server told to end would wait for its
-client's next line. So standard input is read here; standard output is the SDK's.
+The SDK reads standard input in a thread that nothing can interrupt, so that a server that has to end would wait for its
+client's next line. So standard input is read here. The SDK writes standard output; nothing here does. This file stands
+beside http/ and not among the tools, because it is a transport of MCP.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import cast
 from anyio import AsyncFile
 from mcp.server.stdio import stdio_server
 
-from backend.mcp_robot.tools.catalogue import RobotServer
+from backend.mcp_robot.tools.mcp_server import RobotServer
 from backend.stdio import stdin
 
 STDIN = 0
@@ -20,7 +21,7 @@ STDIN = 0
 
 async def run(server: RobotServer) -> None:
     """Serve until standard input ends, or until cancelled."""
-    lines = cast("AsyncFile[str]", read_lines(STDIN))  # of a file, the SDK uses the iteration alone
+    lines = cast("AsyncFile[str]", read_lines(STDIN))  # the SDK only iterates over it
     async with stdio_server(stdin=lines) as (incoming, outgoing):
         core = server.core
         await core.run(incoming, outgoing, core.create_initialization_options())

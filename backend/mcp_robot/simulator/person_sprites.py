@@ -1,4 +1,4 @@
-"""People in the camera's picture: plain figures, as large as they are far, hidden by what stands before them.
+"""Sprites of people for the camera's picture: scaled by distance, and hidden by what stands before them.
 
 Plain functions over a picture and the depth of each of its pixels. Nothing may navigate by them.
 """
@@ -10,10 +10,12 @@ import numpy.typing as npt
 from PIL import Image, ImageDraw
 
 from backend.mcp_robot.navigation.grid import Floats32
-from backend.mcp_robot.simulator.shades import Colour
+from backend.mcp_robot.simulator.legend import Colour
 
 HEIGHT = 1.72
+"""Height of a person in m."""
 WIDTH = 0.5
+"""Width of a person in m."""
 CLOTHES: list[tuple[Colour, Colour]] = [
     ((176, 72, 64), (52, 58, 72)),
     ((70, 112, 150), (70, 62, 56)),
@@ -24,10 +26,10 @@ CLOTHES: list[tuple[Colour, Colour]] = [
 """Colours of shirt and trousers; the nth person wears the nth pair."""
 SKIN, HAIR = (214, 172, 140), (72, 54, 42)
 DRAWN = 240
-"""Height in pixels at which a figure is drawn, then scaled."""
+"""Height in pixels at which a sprite is drawn before it is scaled."""
 
 
-def figure(number: int, facing: bool) -> Image.Image:
+def sprite(number: int, facing: bool) -> Image.Image:
     """One person, `facing` the camera or not, on a transparent ground."""
     shirt, trousers = CLOTHES[number % len(CLOTHES)]
     unit = DRAWN / HEIGHT
@@ -51,12 +53,13 @@ def figure(number: int, facing: bool) -> Image.Image:
     return image
 
 
-def place(
-    picture: Image.Image, figure: Image.Image, box: tuple[int, int, int, int], depth: float, far: Floats32
+def paste(
+    picture: Image.Image, sprite: Image.Image, box: tuple[int, int, int, int], depth: float, far: Floats32
 ) -> None:
-    """Put a figure into `box` (left, top, right, bottom) of a picture, where what it shows is farther than `depth`."""
+    """Paste a sprite into `box` (left, top, right, bottom) of a picture, where the picture is farther away than `depth`
+    (m); `far` is the depth of each pixel in m."""
     left, top, right, bottom = box
-    scaled = figure.resize((max(1, right - left), max(1, bottom - top)))
+    scaled = sprite.resize((max(1, right - left), max(1, bottom - top)))
     pixels = np.asarray(scaled)
     x0, y0 = max(left, 0), max(top, 0)
     x1, y1 = min(left + scaled.width, picture.width), min(top + scaled.height, picture.height)

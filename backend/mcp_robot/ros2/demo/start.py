@@ -13,6 +13,6 @@ async def serve(settings: Settings) -> None:
     """Be a robot until cancelled. Raises `Ros2Missing` or `WorldError`."""
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     interfaces.provide(settings.data_dir, settings.robot.ros2.distro)
-    from backend.mcp_robot.ros2.demo import StandIn
+    from backend.mcp_robot.ros2.demo.stand_in import StandIn
 
     await StandIn(robots.simulated(settings), settings.robot).run()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from backend.mcp_robot.navigation import places
+from backend.mcp_robot.navigation import named_places
 from backend.mcp_robot.refusal import Refusal
 from backend.mcp_robot.robot import TopologicalMap
 from backend.mcp_robot.simulator.world import World
@@ -15,12 +15,12 @@ from backend.telemetry import Pose
     "name", ["lab 2.3.7", "lab-2.3.7", "LAB 2.3.7", "lab2.3.7", " Lab  2.3.7 ", "the lab 2.3.7", "lab_2-3-7", "2.3.7"]
 )
 def test_one_place_has_many_spellings(office: World, name: str) -> None:
-    assert places.resolve(name, office.places).name == "lab 2.3.7"
+    assert named_places.resolve(name, office.places).name == "lab 2.3.7"
 
 
 def test_an_unknown_place_is_answered_with_the_nearest_names_first(office: World) -> None:
     with pytest.raises(Refusal) as refusal:
-        places.resolve("lab 9", office.places)
+        named_places.resolve("lab 9", office.places)
     assert refusal.value.code == "unknown_place"
     assert refusal.value.sentence.startswith("No place called lab 9. Known places: lab 2.3.9, ")
     assert "kitchen" in refusal.value.sentence
@@ -29,11 +29,11 @@ def test_an_unknown_place_is_answered_with_the_nearest_names_first(office: World
 @pytest.mark.parametrize("name", ["", "   ", "lab", "2.3", "…", "x" * 5000])
 def test_what_names_no_single_place_is_refused(office: World, name: str) -> None:
     with pytest.raises(Refusal, match=r"^unknown_place: No place called"):
-        places.resolve(name, office.places)
+        named_places.resolve(name, office.places)
 
 
 def test_the_nearest_place_is_told_with_its_distance(office: World) -> None:
-    found = places.nearest(Pose(2.9, 9.2, 0.0), office.places)
+    found = named_places.nearest(Pose(2.9, 9.2, 0.0), office.places)
     assert found is not None
     assert found[0].name == "kitchen"
     assert found[1] == pytest.approx(0.5)
@@ -41,4 +41,4 @@ def test_the_nearest_place_is_told_with_its_distance(office: World) -> None:
 
 def test_where_no_place_has_a_name_another_way_to_drive_is_named() -> None:
     with pytest.raises(Refusal, match=r"^unknown_place: This map names no places. Drive to a pose"):
-        places.resolve("kitchen", TopologicalMap("map", (), ()))
+        named_places.resolve("kitchen", TopologicalMap("map", (), ()))

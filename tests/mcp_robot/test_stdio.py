@@ -13,7 +13,7 @@ import pytest
 from mcp import Client, StdioServerParameters
 
 from backend import identity
-from backend.mcp_robot.tools.stdio import read_lines
+from backend.mcp_robot.stdio_transport import read_lines
 from tests.processes import PATIENCE_S, free_port
 
 PROGRAM = """

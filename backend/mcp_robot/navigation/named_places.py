@@ -1,4 +1,4 @@
-"""From what people call a place to the place: forgiving about case, spaces and dashes, never about which one.
+"""Finds a place by the name that people give it. Case, spaces and dashes do not matter; two places never match.
 
 Plain functions over the topological map. An ambiguous or unknown name is refused with the nearest known ones.
 """
@@ -14,6 +14,7 @@ from backend.mcp_robot.robot import TopologicalMap
 from backend.telemetry import Place, Pose
 
 _LISTED = 14
+"""Names that the refusal of an unknown name lists."""
 DOCK_REACH = 0.3
 """A robot this near (m) to a dock's pose stands at it."""
 
@@ -35,7 +36,7 @@ def resolve(name: str, places: TopologicalMap) -> Place:
 
 
 def nearest(pose: Pose, places: TopologicalMap) -> tuple[Place, float] | None:
-    """The place nearest as the crow flies and its distance in m; None when there are no places."""
+    """The nearest place in a straight line and its distance in m; None when there are no places."""
     found = [(math.hypot(p.pose.x - pose.x, p.pose.y - pose.y), i) for i, p in enumerate(places.places)]
     if not found:
         return None

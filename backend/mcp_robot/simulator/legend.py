@@ -1,7 +1,7 @@
-"""What a shade of grey in a map's picture stands for, beyond ROS's free, occupied and unknown.
+"""The legend of a map's picture: which thing each shade of grey stands for.
 
-Any map works: a plain one has black walls and white floor. The shades refine a picture within the three classes, so
-that every ROS tool reads the same map. Only the simulated camera looks at them; nothing may plan by them.
+The shades only refine ROS's three classes free, occupied and unknown, so that every ROS tool reads the same map; a
+plain map has black walls and white floor. Only the simulated camera uses the legend. Nothing may plan by it.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ LINTEL_HEIGHT = 2.1
 
 @dataclass(frozen=True)
 class Thing:
-    """How something looks: `height` in m, the colour of its sides and of its top."""
+    """The looks of a thing: `height` in m, the colour of its sides and of its top."""
 
     height: float
     side: Colour
@@ -69,10 +69,10 @@ FLOORS: dict[int, Colour] = {
 
 
 def thing(shade: int) -> Thing:
-    """The thing of the nearest shade that is known and not lighter."""
+    """The thing of the nearest known shade that is not lighter."""
     return THINGS[max(known for known in THINGS if known <= shade)]
 
 
 def floor(shade: int) -> Colour:
-    """The floor of the nearest shade."""
+    """The colour of the floor with the nearest known shade."""
     return FLOORS[min(FLOORS, key=lambda known: abs(known - shade))]
