@@ -30,8 +30,9 @@ sys.path.insert(0, str(ROOT))
 from backend import telemetry  # noqa: E402
 from backend.config import Limits, Simulator  # noqa: E402
 from backend.mcp_robot.navigation import planner  # noqa: E402
-from backend.mcp_robot.simulator import renderer, world  # noqa: E402
+from backend.mcp_robot.simulator import world  # noqa: E402
 from backend.mcp_robot.simulator.laser import Laser  # noqa: E402
+from backend.mcp_robot.simulator.rendering import renderer  # noqa: E402
 from backend.mcp_robot.simulator.simulation import PLANNING_RADIUS, Simulation  # noqa: E402
 from backend.mcp_robot.simulator.world import World  # noqa: E402
 from backend.telemetry import Pose  # noqa: E402

@@ -24,8 +24,9 @@ from backend.mcp_robot.navigation import follower, planner
 from backend.mcp_robot.navigation.grid import Floats, OccupancyGrid
 from backend.mcp_robot.refusal import Halted, Refusal
 from backend.mcp_robot.robot import Fix, Picture, Remaining, Route, Sound, TopologicalMap, Velocity
-from backend.mcp_robot.simulator import laser, renderer
+from backend.mcp_robot.simulator import laser
 from backend.mcp_robot.simulator.motions import Drive, Turn, Utterance
+from backend.mcp_robot.simulator.rendering import renderer
 from backend.mcp_robot.simulator.simulation import FOOTPRINT_RADIUS, STEP, Simulation
 from backend.mcp_robot.simulator.world import World
 from backend.telemetry import Battery, Pose, Scan

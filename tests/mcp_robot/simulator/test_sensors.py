@@ -10,8 +10,9 @@ import pytest
 from PIL import Image
 
 from backend.mcp_robot.navigation.grid import FREE, OCCUPIED, OccupancyGrid
-from backend.mcp_robot.simulator import laser, person_sprites, renderer
+from backend.mcp_robot.simulator import laser
 from backend.mcp_robot.simulator.laser import Laser
+from backend.mcp_robot.simulator.rendering import person_sprites, renderer
 from backend.mcp_robot.simulator.world import World
 from backend.telemetry import Pose
 

@@ -17,7 +17,8 @@ import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
 from backend.mcp_robot.navigation.grid import Floats32
-from backend.mcp_robot.simulator import legend, materials, person_sprites
+from backend.mcp_robot.simulator import legend
+from backend.mcp_robot.simulator.rendering import materials, person_sprites
 from backend.mcp_robot.simulator.world import Sign, World
 from backend.telemetry import Pose
 
