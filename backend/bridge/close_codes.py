@@ -1,4 +1,7 @@
-"""How a WebSocket ends: the close code, and a reason that a client can show to the person in front of it."""
+"""The close codes of the bridge's WebSockets (RFC 6455, section 7.4; from 4000 on our own), and how one is closed.
+
+The reason is a sentence that a client can show to the person in front of it.
+"""
 
 from __future__ import annotations
 
@@ -19,20 +22,20 @@ _CLOSE_SECONDS = 1.0
 
 
 @dataclass(frozen=True)
-class End:
-    """Why a connection is over."""
+class CloseReason:
+    """Why a connection is closed: a close code and a sentence."""
 
     code: int
     reason: str
 
 
-LEFT = End(NORMAL, "the client left")
+CLIENT_LEFT = CloseReason(NORMAL, "the client left")
 
 
-async def close(websocket: WebSocket, end: End) -> None:
-    """Tell the client, if it still listens."""
+async def close(websocket: WebSocket, why: CloseReason) -> None:
+    """Close `websocket`; does nothing where its client is gone or does not read."""
     try:
         async with asyncio.timeout(_CLOSE_SECONDS):
-            await websocket.close(end.code, end.reason)
+            await websocket.close(why.code, why.reason)
     except (WebSocketDisconnect, RuntimeError, TimeoutError):  # gone, closed already, or not reading
         pass

@@ -1,4 +1,4 @@
-"""Loops that end together: a relay has one for each direction, and neither may outlive the other."""
+"""Coroutines that end together: a connection has one for each direction, and none may outlive the others."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any, TypeVar
 T = TypeVar("T")
 
 
-async def first_of(*loops: Coroutine[Any, Any, T]) -> T:
-    """Run all until the first one ends, cancel the others, and return (or raise) what that one did."""
-    tasks = [asyncio.ensure_future(loop) for loop in loops]
+async def first_completed(*coroutines: Coroutine[Any, Any, T]) -> T:
+    """Run all until the first one ends, cancel the others, and return its result or raise its exception."""
+    tasks = [asyncio.ensure_future(coroutine) for coroutine in coroutines]
     try:
-        ended, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     finally:
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
-    return next(task for task in tasks if task in ended).result()
+    return next(task for task in tasks if task in done).result()

@@ -1,7 +1,7 @@
-"""The built web app, and the headers that keep its pages to themselves.
+"""Serves the built web app, with security headers on every answer.
 
-Pages and assets are public: they hold nothing secret, and the login happens in the page. Nothing outside the
-folder of the build may ever be served.
+Pages and assets are public: they contain no secret, and people log in within the page. Nothing outside the folder of
+the build may ever be served.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ _NOT_BUILT = """<!doctype html>
 
 
 class WebApp(StaticFiles):
-    """The files of the build; every address that is no file is the app itself, which knows its own pages."""
+    """The files of the build. Every address that is no file is answered with the app, which routes its own pages."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(directory=folder, check_dir=False)
@@ -60,11 +60,11 @@ class WebApp(StaticFiles):
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request."""
-        self.config_checked = True  # a missing build is a page of its own, and may be made while we run
+        self.config_checked = True  # Starlette would fail for a missing folder; a build may be made while this runs
         await super().__call__(scope, receive, send)
 
     async def get_response(self, path: str, scope: Scope) -> Response:
-        """The file at `path`, or the app."""
+        """The file at `path`, otherwise the app. Raises `HTTPException` (404) for a missing asset."""
         if path == "api" or path.startswith("api/"):
             return JSONResponse({"error": "There is no such address."}, status_code=404)
         if not (self._folder / "index.html").is_file():
@@ -79,12 +79,12 @@ class WebApp(StaticFiles):
         response.headers["Cache-Control"] = "public, max-age=31536000, immutable" if hashed else "no-cache"
         response.headers["Vary"] = "Accept-Encoding"
         if isinstance(response, FileResponse) and "gzip" in Headers(scope=scope).get("accept-encoding", ""):
-            return await _smaller(response)
+            return await _compressed(response)
         return response
 
 
-async def _smaller(response: FileResponse) -> Response:
-    """The same file compressed, where that makes it smaller; done once for each version of a file."""
+async def _compressed(response: FileResponse) -> Response:
+    """The same file in gzip, where that makes it smaller; each version of a file is compressed once."""
     stat = response.stat_result
     if stat is None or stat.st_size < 1024 or PurePosixPath(response.path).suffix not in _COMPRESSIBLE:
         return response
@@ -99,13 +99,13 @@ def _gzipped(path: str, changed: int) -> bytes:
 
 
 class SecurityHeaders:
-    """ASGI middleware: every answer carries the headers that keep other sites and guessing browsers out."""
+    """ASGI middleware that adds headers to every answer: no foreign content, no foreign frames, no guessed types."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass the request on, and add to its answer what it does not set itself."""
+        """Pass the request on, and add the headers that its answer does not set itself."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return

@@ -10,14 +10,14 @@ from typing import Any
 
 import msgspec
 import pytest
-import viser
 from websockets.exceptions import InvalidStatus
 
 from backend import tokens
-from backend.bridge.scene.camera import behind, fitting, overhead
+from backend.bridge.scene.drawing.camera_views import follow_view, map_view, top_view
 from backend.identity import Role
 from backend.telemetry import Pose
-from tests.bridge.scenes import CAMERA, MAP, PATIENCE, POINTER, SUBPROTOCOL, state, told
+from tests.bridge.scenes import MAP, PATIENCE, received, state
+from tests.bridge.viser_page import CAMERA, CLICK, SUBPROTOCOL
 
 EXTENT = (0.0, 0.0, 4.0, 3.0)
 ASPECT = CAMERA["image_width"] / CAMERA["image_height"]
@@ -28,11 +28,11 @@ NOT_UNDERSTOOD = {"error": 'Send {"view": "map"}, "top" or "follow", or {"pick":
 async def bridge(bridge_with, robot, wait_until):
     """A bridge whose robot is the peer, and has told its map and where it is."""
     async with bridge_with(robot={"port": robot.port}) as running:
-        await wait_until(lambda: robot.asked)
+        await wait_until(lambda: robot.subscriptions)
         await robot.send(state(), MAP)
         async with Watcher(running).page() as page:
             await reports(page)
-            while await put(page) != fitting(EXTENT, ASPECT).position:
+            while await put(page) != map_view(EXTENT, ASPECT).position:
                 pass  # before the map came
         yield running
 
@@ -57,7 +57,7 @@ class Watcher:
         async with self.control() as control, self.page() as page:
             assert await heard(control) == {"view": "map"}
             await reports(page)
-            assert await put(page) == fitting(EXTENT, ASPECT).position
+            assert await put(page) == map_view(EXTENT, ASPECT).position
             yield control, page
 
 
@@ -76,21 +76,21 @@ async def reports(page, position=CAMERA["position"], look_at=CAMERA["look_at"]) 
 
 async def put(page) -> tuple[float, ...]:
     """Where the bridge puts the page's camera next."""
-    return tuple((await told(page, "SetCameraPositionMessage"))["position"])
+    return tuple((await received(page, "SetCameraPositionMessage"))["position"])
 
 
 async def click(page, x: float, y: float) -> None:
-    await page.send(msgspec.msgpack.encode(POINTER | {"ray_origin": (x, y, 9.0), "ray_direction": (0.0, 0.0, -1.0)}))
+    await page.send(msgspec.msgpack.encode(CLICK | {"ray_origin": (x, y, 9.0), "ray_direction": (0.0, 0.0, -1.0)}))
 
 
 async def test_a_viewer_chooses_what_to_see(bridge):
     async with Watcher(bridge).both() as (control, page):
         await wish(control, view="top")
         assert await heard(control) == {"view": "top"}
-        assert await put(page) == overhead(EXTENT, ASPECT).position
+        assert await put(page) == top_view(EXTENT, ASPECT).position
         await wish(control, view="map")
         assert await heard(control) == {"view": "map"}
-        assert await put(page) == fitting(EXTENT, ASPECT).position
+        assert await put(page) == map_view(EXTENT, ASPECT).position
 
 
 async def test_whoever_follows_moves_with_the_robot_until_the_camera_is_taken_in_hand(bridge, robot):
@@ -98,24 +98,24 @@ async def test_whoever_follows_moves_with_the_robot_until_the_camera_is_taken_in
     async with ana.both() as (control, page), bridge.http(ana.token) as http:
         await wish(control, view="follow")
         assert await heard(control) == {"view": "follow"}
-        assert await put(page) == behind(Pose(1.0, 2.0, 1.5), ASPECT).position
+        assert await put(page) == follow_view(Pose(1.0, 2.0, 1.5), ASPECT).position
         await robot.send(state(pose=Pose(1.2, 2.0, 1.5)))
-        assert await put(page) == behind(Pose(1.2, 2.0, 1.5), ASPECT).position
+        assert await put(page) == follow_view(Pose(1.2, 2.0, 1.5), ASPECT).position
 
         assert (await http.post(f"/scene/{ana.id}/moved")).status_code == 204
         assert await heard(control) == {"view": "free"}
         await robot.send(state(pose=Pose(1.4, 2.0, 1.5)))
         await wish(control, view="top")  # the next that the page hears is this, and not the robot's way
-        assert await put(page) == overhead(EXTENT, ASPECT).position
+        assert await put(page) == top_view(EXTENT, ASPECT).position
 
 
 async def test_one_viewers_wish_moves_nobody_elses_camera(bridge):
     async with Watcher(bridge).both() as (control, page), Watcher(bridge).both() as (others_control, others_page):
         await wish(control, view="top")
-        assert await put(page) == overhead(EXTENT, ASPECT).position
+        assert await put(page) == top_view(EXTENT, ASPECT).position
         await wish(others_control, view="follow")
         assert await heard(others_control) == {"view": "follow"}
-        assert await put(others_page) == behind(Pose(1.0, 2.0, 1.5), ASPECT).position
+        assert await put(others_page) == follow_view(Pose(1.0, 2.0, 1.5), ASPECT).position
 
 
 async def test_a_click_is_told_while_picking_is_on_and_to_that_viewer_alone(bridge):
@@ -123,14 +123,14 @@ async def test_a_click_is_told_while_picking_is_on_and_to_that_viewer_alone(brid
         await wish(others, pick=True)
         await click(page, 3.0, 2.5)  # nobody picks here
         await wish(control, pick=True)
-        assert (await told(page, "ScenePointerEnableMessage"))["modifiers"] == [None]
+        assert (await received(page, "ScenePointerEnableMessage"))["modifiers"] == [None]
         await click(page, 2.0, 2.75)
         assert await heard(control) == {"picked": {"x": 2.0, "y": 2.75, "place": None}}
         await click(page, 1.25, 1.0)
         assert await heard(control) == {"picked": {"x": 1.25, "y": 1.0, "place": "kitchen"}}
         await click(page, 50.0, 1.0)  # beside the map
         await wish(control, pick=False)
-        assert (await told(page, "ScenePointerEnableMessage"))["modifiers"] == []
+        assert (await received(page, "ScenePointerEnableMessage"))["modifiers"] == []
         await click(page, 2.0, 2.75)
         await wish(control, view="map")
         assert await heard(control) == {"view": "map"}
@@ -146,9 +146,9 @@ async def test_a_page_that_connects_again_still_reports_clicks(bridge):
         while await heard(control) != {"view": "top"}:
             pass  # the view that it began with, if that was not replaced yet
         async with ana.page() as page:
-            assert (await told(page, "ScenePointerEnableMessage"))["modifiers"] == [None]
+            assert (await received(page, "ScenePointerEnableMessage"))["modifiers"] == [None]
             await reports(page)
-            assert await put(page) == overhead(EXTENT, ASPECT).position
+            assert await put(page) == top_view(EXTENT, ASPECT).position
 
 
 async def test_whoever_only_watches_gets_no_clicks(bridge):
@@ -205,7 +205,7 @@ async def test_of_two_pages_of_one_viewer_the_newer_counts(bridge):
         await click(first, 2.0, 2.0)
         await wish(control, view="top")
         assert await heard(control) == {"view": "top"}
-        assert await put(second) == overhead(EXTENT, ASPECT).position
+        assert await put(second) == top_view(EXTENT, ASPECT).position
 
 
 async def test_another_person_with_the_same_id_is_another_viewer(bridge):
@@ -218,7 +218,7 @@ async def test_another_person_with_the_same_id_is_another_viewer(bridge):
         assert (await http.post(f"/scene/{ana.id}/moved")).status_code == 204
         await wish(control, view="follow")
         assert await heard(control) == {"view": "follow"}
-        assert await put(page) == behind(Pose(1.0, 2.0, 1.5), ASPECT).position
+        assert await put(page) == follow_view(Pose(1.0, 2.0, 1.5), ASPECT).position
 
 
 @pytest.mark.parametrize("identifier", ["me", "x%2e", "3f2b8c1e7d544c8e9a350c6f1e2d4b5a", "%00"])
@@ -264,20 +264,3 @@ async def test_a_control_whose_login_is_revoked_is_closed(bridge, closing):
     async with Watcher(bridge, Role.VIEWER, "Vera").control() as control:
         tokens.revoke(bridge.settings.data_dir, "Vera")
         assert (await closing(control))[0] == 4401
-
-
-async def test_the_bridge_speaks_the_protocol_of_the_installed_viser(bridge):
-    """What the bridge composes itself has to be what viser would send."""
-    messages = viser._messages
-    async with Watcher(bridge).both() as (control, page):
-        await wish(control, view="top")
-        position = await told(page, "SetCameraPositionMessage")
-        x, y, z = position["position"]
-        assert position == messages.SetCameraPositionMessage((x, y, z)).as_serializable_dict([]) | {
-            "position": [x, y, z]
-        }
-        await wish(control, pick=True)
-        enabled = await told(page, "ScenePointerEnableMessage")
-        theirs = messages.ScenePointerEnableMessage("click", (None,)).as_serializable_dict([])
-        assert enabled.keys() == theirs.keys()
-        assert enabled["type"] == theirs["type"]

@@ -1,4 +1,4 @@
-"""What the scene makes of what the robot sees and where it has been: posts, the trail, zones on the floor."""
+"""Obstacles that the laser sees and the map does not explain, the robot's trail, and zones on the floor."""
 
 from __future__ import annotations
 
@@ -10,8 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from backend.bridge.scene import obstacles, trail, zones
-from backend.bridge.scene.obstacles import Known, Post, Posts, near, seen
+from backend.bridge.scene.drawing import trail, zones
+from backend.bridge.scene.drawing.obstacle_detection import (
+    MAX_OBSTACLES,
+    ExplainedMap,
+    Obstacle,
+    ObstacleTracker,
+    detect,
+    dilate,
+)
 from backend.telemetry import Map, Pose, Zone
 
 MASKS = arrays.arrays(np.bool_, st.tuples(st.integers(1, 12), st.integers(1, 12)))
@@ -34,99 +41,99 @@ def around(x: float, y: float, radius: float, readings: int = 12) -> np.ndarray:
 
 @settings(deadline=None)
 @given(MASKS, st.integers(0, 5))
-def test_near_is_what_lies_within_the_radius_of_a_true_cell(mask, radius):
+def test_a_dilation_is_what_lies_within_the_radius_of_a_true_cell(mask, radius):
     at = np.argwhere(mask)
     for row, column in np.ndindex(mask.shape):
         distance = min((math.dist(cell, (row, column)) for cell in at), default=math.inf)
-        assert near(mask, radius)[row, column] == (distance <= radius)
+        assert dilate(mask, radius)[row, column] == (distance <= radius)
 
 
 def test_a_person_is_one_post_where_the_person_stands():
-    (post,) = seen(around(7.0, 6.0, 0.22), HERE, Known(room()))
-    assert (post.x, post.y) == pytest.approx((7.0, 6.0), abs=0.12)
-    assert post.radius == pytest.approx(0.22, abs=0.05)
+    (obstacle,) = detect(around(7.0, 6.0, 0.22), HERE, ExplainedMap(room()))
+    assert (obstacle.x, obstacle.y) == pytest.approx((7.0, 6.0), abs=0.12)
+    assert obstacle.radius == pytest.approx(0.22, abs=0.05)
 
 
 def test_what_the_map_explains_is_no_obstacle():
     wall = np.column_stack([np.full(40, 9.85), np.linspace(2, 8, 40)])
-    assert seen(wall, HERE, Known(room())) == []
+    assert detect(wall, HERE, ExplainedMap(room())) == []
     pillar = np.zeros((100, 100), np.uint8)
     pillar[68:72, 68:72] = 100
-    assert seen(around(7.0, 7.0, 0.3), HERE, Known(room(pillar))) == []
+    assert detect(around(7.0, 7.0, 0.3), HERE, ExplainedMap(room(pillar))) == []
 
 
 def test_what_is_unknown_or_off_the_map_is_no_obstacle_and_neither_is_one_reading_alone():
     unknown = np.zeros((100, 100), np.uint8)
     unknown[:, 50:] = 255
-    assert seen(around(7.0, 6.0, 0.22), HERE, Known(room(unknown))) == []
-    assert seen(around(-3.0, 5.0, 0.22), HERE, Known(room())) == []
-    assert seen(np.array([[3.0, 3.0]]), HERE, Known(room())) == []
-    assert seen(np.zeros((0, 2)), HERE, Known(room())) == []
+    assert detect(around(7.0, 6.0, 0.22), HERE, ExplainedMap(room(unknown))) == []
+    assert detect(around(-3.0, 5.0, 0.22), HERE, ExplainedMap(room())) == []
+    assert detect(np.array([[3.0, 3.0]]), HERE, ExplainedMap(room())) == []
+    assert detect(np.zeros((0, 2)), HERE, ExplainedMap(room())) == []
 
 
 def test_two_people_are_two_posts_and_a_closed_door_is_several():
-    known = Known(room())
-    two = seen(np.concatenate([around(7.0, 3.0, 0.22), around(7.0, 6.0, 0.22)]), HERE, known)
+    known = ExplainedMap(room())
+    two = detect(np.concatenate([around(7.0, 3.0, 0.22), around(7.0, 6.0, 0.22)]), HERE, known)
     assert len(two) == 2
     door = np.column_stack([np.full(30, 7.0), np.linspace(4.0, 6.0, 30)])
-    posts = seen(door, HERE, known)
-    assert 2 <= len(posts) <= 4
-    assert all(abs(post.x - 7.0) < 0.3 for post in posts)
+    obstacles = detect(door, HERE, known)
+    assert 2 <= len(obstacles) <= 4
+    assert all(abs(obstacle.x - 7.0) < 0.3 for obstacle in obstacles)
 
 
 def test_what_stands_where_a_scan_begins_and_ends_is_one():
     points = around(3.0, 5.0, 0.22)
-    assert len(seen(np.roll(points, 6, axis=0), HERE, Known(room()))) == 1
+    assert len(detect(np.roll(points, 6, axis=0), HERE, ExplainedMap(room()))) == 1
 
 
 def test_a_crowd_is_the_nearest_ones():
-    posts = seen(
+    obstacles = detect(
         np.concatenate([around(x, y, 0.05, 4) for x in np.arange(1, 9, 0.8) for y in np.arange(1, 9, 0.8)]),
         HERE,
-        Known(room()),
+        ExplainedMap(room()),
     )
-    assert len(posts) == obstacles.MOST
-    distances = [math.dist((post.x, post.y), (5, 5)) for post in posts]
+    assert len(obstacles) == MAX_OBSTACLES
+    distances = [math.dist((obstacle.x, obstacle.y), (5, 5)) for obstacle in obstacles]
     assert distances == sorted(distances)
     assert distances[-1] < 3.5
 
 
 def test_a_post_keeps_its_place_while_it_moves_and_two_do_not_change_places():
-    posts = Posts()
-    posts.update([Post(1, 1, 0.2), Post(3, 1, 0.2)], now=0.0)
-    first, second = (posts.shown.index(Post(x, 1, 0.2)) for x in (1, 3))
-    posts.update([Post(2.8, 1, 0.2), Post(1.2, 1, 0.2)], now=0.1)
-    assert (posts.shown[first], posts.shown[second]) == (Post(1.2, 1, 0.2), Post(2.8, 1, 0.2))
+    obstacles = ObstacleTracker()
+    obstacles.update([Obstacle(1, 1, 0.2), Obstacle(3, 1, 0.2)], now=0.0)
+    first, second = (obstacles.slots.index(Obstacle(x, 1, 0.2)) for x in (1, 3))
+    obstacles.update([Obstacle(2.8, 1, 0.2), Obstacle(1.2, 1, 0.2)], now=0.1)
+    assert (obstacles.slots[first], obstacles.slots[second]) == (Obstacle(1.2, 1, 0.2), Obstacle(2.8, 1, 0.2))
 
 
 def test_a_post_that_hardly_moves_is_left_alone():
-    posts = Posts()
-    posts.update([Post(1, 1, 0.2)], now=0.0)
-    posts.update([Post(1.02, 1.01, 0.22)], now=0.1)
-    assert posts.shown[0] == Post(1, 1, 0.2)
+    obstacles = ObstacleTracker()
+    obstacles.update([Obstacle(1, 1, 0.2)], now=0.0)
+    obstacles.update([Obstacle(1.02, 1.01, 0.22)], now=0.1)
+    assert obstacles.slots[0] == Obstacle(1, 1, 0.2)
 
 
 def test_a_post_that_is_not_seen_any_more_is_gone_after_a_moment():
-    posts = Posts()
-    posts.update([Post(1, 1, 0.2)], now=0.0)
-    posts.update([], now=0.2)
-    assert posts.shown[0] == Post(1, 1, 0.2)
-    posts.update([], now=0.5)
-    assert not any(posts.shown)
+    obstacles = ObstacleTracker()
+    obstacles.update([Obstacle(1, 1, 0.2)], now=0.0)
+    obstacles.update([], now=0.2)
+    assert obstacles.slots[0] == Obstacle(1, 1, 0.2)
+    obstacles.update([], now=0.5)
+    assert not any(obstacles.slots)
 
 
 @settings(deadline=None)
 @given(st.lists(st.lists(st.tuples(st.floats(0, 5), st.floats(0, 5)), max_size=40), max_size=8))
 def test_there_are_never_more_posts_than_places(rounds):
-    posts = Posts()
+    obstacles = ObstacleTracker()
     for number, points in enumerate(rounds):
-        posts.update([Post(x, y, 0.2) for x, y in points][: obstacles.MOST], now=number * 0.1)
-        assert len(posts.shown) == obstacles.MOST
+        obstacles.update([Obstacle(x, y, 0.2) for x, y in points][:MAX_OBSTACLES], now=number * 0.1)
+        assert len(obstacles.slots) == MAX_OBSTACLES
 
 
 def drive(record: trail.Trail, *xs: float) -> list[int]:
     """The pieces that changed while the robot drove along x."""
-    return [piece for x in xs if (piece := record.follow(Pose(x, 0.0, 0.0))) is not None]
+    return [piece for x in xs if (piece := record.add(Pose(x, 0.0, 0.0))) is not None]
 
 
 def test_the_trail_has_a_point_each_step_and_standing_adds_none():
@@ -138,16 +145,16 @@ def test_the_trail_has_a_point_each_step_and_standing_adds_none():
 
 def test_a_piece_that_is_full_is_continued_where_it_ended_and_changes_no_more():
     record = trail.Trail()
-    changed = drive(record, *(np.arange(trail.PIECE_POINTS + 5) * 0.25))
+    changed = drive(record, *(np.arange(trail.POINTS_PER_PIECE + 5) * 0.25))
     assert changed[-1] == 1
     assert record.pieces[1][0] == record.pieces[0][-1]
-    assert len(record.pieces[0]) == trail.PIECE_POINTS
+    assert len(record.pieces[0]) == trail.POINTS_PER_PIECE
 
 
 def test_the_trail_is_bounded_and_forgets_its_begin():
     record = trail.Trail()
-    drive(record, *(np.arange(3 * trail.PIECES * trail.PIECE_POINTS) * 0.25))
-    assert sum(map(len, record.pieces)) <= trail.PIECES * trail.PIECE_POINTS
+    drive(record, *(np.arange(3 * trail.PIECES * trail.POINTS_PER_PIECE) * 0.25))
+    assert sum(map(len, record.pieces)) <= trail.PIECES * trail.POINTS_PER_PIECE
     assert min(x for piece in record.pieces for x, _ in piece) > 100
 
 
@@ -179,6 +186,6 @@ def test_zones_that_reach_beyond_the_map_or_are_none_do_no_harm():
 
 
 def test_a_zone_is_named_in_its_middle():
-    assert zones.middle([(0, 0), (4, 0), (4, 2), (0, 2)]) == pytest.approx((2, 1))
-    assert zones.middle([(0, 0), (0, 2), (4, 2), (4, 0)]) == pytest.approx((2, 1))
-    assert zones.middle([(1, 1), (3, 3)]) == pytest.approx((2, 2))
+    assert zones.centroid([(0, 0), (4, 0), (4, 2), (0, 2)]) == pytest.approx((2, 1))
+    assert zones.centroid([(0, 0), (0, 2), (4, 2), (4, 0)]) == pytest.approx((2, 1))
+    assert zones.centroid([(1, 1), (3, 3)]) == pytest.approx((2, 2))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from backend.bridge.lines import LineSplitter
+from backend.bridge.line_splitter import LineSplitter
 
 calmly = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 """A busy machine is no failure."""
@@ -29,14 +29,14 @@ def test_a_line_over_the_limit_is_cut_one_byte_above_it_however_it_comes():
         out = [line for i in range(0, len(stream), size) for line in lines.feed(stream[i : i + size])]
         assert out[1] == b"short"
         assert len(out[0]) > 10
-        assert lines._size == 0
+        assert lines.kept_bytes == 0
 
 
 def test_a_line_without_an_end_takes_no_more_memory_than_the_limit():
     lines = LineSplitter(1000)
     for _ in range(1000):
         assert lines.feed(b"y" * 1000) == []
-    assert sum(map(len, lines._parts)) == 1001
+    assert lines.kept_bytes == 1001
 
 
 @calmly

@@ -10,7 +10,7 @@ import orjson
 from websockets.exceptions import ConnectionClosed
 
 from backend import wire
-from backend.bridge import relay
+from backend.bridge.limits import Limits
 from tests.bridge.scenes import PATIENCE
 
 PING = '{"jsonrpc":"2.0","method":"$/ping"}'
@@ -55,31 +55,16 @@ async def test_a_message_nested_too_deep_is_answered(client, agent):
     assert orjson.loads(await client.recv())["error"]["code"] == wire.INVALID_REQUEST
 
 
-async def test_more_clients_than_allowed_are_told_to_come_back(bridge_with, agent, initialize, closing):
-    async with (
-        bridge_with(agent={"port": agent.port}, bridge={"max_connections": 1}) as bridge,
-        bridge.websocket() as one,
-    ):
-        await one.send(initialize.decode())
-        await agent.heard()
-        async with bridge.websocket() as other:
-            code, reason = await closing(other)
-        assert code == 1013
-        assert "try again later" in reason
-        await one.send(PING)
-        assert await agent.heard() == PING.encode()
-
-
 async def test_a_login_that_expires_ends_the_connection(bridge, agent, initialize, closing):
-    async with bridge.websocket(token=bridge.token(lifetime_s=8)) as websocket:
+    async with bridge.websocket(token=bridge.token(lifetime_s=4)) as websocket:
         await websocket.send(initialize.decode())
         await agent.heard()
         assert await closing(websocket) == (4401, "Your login has expired. Log in again.")
 
 
-async def test_a_client_that_never_begins_is_let_go(bridge, agent, monkeypatch, closing):
-    monkeypatch.setattr(relay, "FIRST_FRAME_SECONDS", 0.1)
-    async with bridge.websocket() as websocket:
+async def test_a_client_that_never_begins_is_disconnected(bridge_with, agent, closing):
+    quick = Limits(first_frame_seconds=0.1)
+    async with bridge_with(agent={"port": agent.port}, limits=quick) as bridge, bridge.websocket() as websocket:
         assert await closing(websocket) == (1008, "The client did not begin with initialize.")
 
 
@@ -116,46 +101,50 @@ async def test_an_agent_waits_for_a_client_that_reads_slowly_and_nothing_is_lost
         await flooding
 
 
-async def test_a_client_that_does_not_read_is_cut_off_and_little_was_kept_for_it(
-    bridge, agent, initialize, monkeypatch
-):
-    monkeypatch.setattr(relay, "STALL_SECONDS", 0.3)
-    with contextlib.closing(await raw_client(bridge, initialize)):
-        await agent.heard()
-        update = b'{"jsonrpc":"2.0","method":"u","params":{"a":"' + b"x" * 60_000 + b'"}}\n'
-        taken = 0
-        with contextlib.suppress(ConnectionError):
-            async with asyncio.timeout(PATIENCE):
-                while not agent.left.is_set():
-                    await agent.say(update)
-                    taken += len(update)
+async def test_a_client_that_does_not_read_is_cut_off_and_little_was_kept_for_it(bridge_with, agent, initialize):
+    async with bridge_with(agent={"port": agent.port}, limits=Limits(stall_seconds=0.3)) as bridge:
+        with contextlib.closing(await raw_client(bridge, initialize)):
+            await agent.heard()
+            update = b'{"jsonrpc":"2.0","method":"u","params":{"a":"' + b"x" * 60_000 + b'"}}\n'
+            taken = 0
+            with contextlib.suppress(ConnectionError):
+                async with asyncio.timeout(PATIENCE):
+                    while not agent.left.is_set():
+                        await agent.say(update)
+                        taken += len(update)
         assert taken < 40_000_000  # what the kernel's buffers hold, not what was sent
 
 
-async def test_a_client_that_reads_slowly_but_reads_is_not_cut_off(bridge, agent, initialize, monkeypatch):
-    monkeypatch.setattr(relay, "STALL_SECONDS", 2.0)
-    with contextlib.closing(await raw_client(bridge, initialize)) as bare:
-        await agent.heard()
-        frame = message_of(12_000_000).encode()
-        sending = asyncio.create_task(agent.say(frame + b"\n"))
-        loop = asyncio.get_running_loop()
-        started, received = loop.time(), 0
-        async with asyncio.timeout(PATIENCE):
-            while received < len(frame):
-                received += len(await loop.sock_recv(bare, 400_000))
-                due = started + received / 1_500_000  # this is the slowness: 1.5 MB a second
-                await asyncio.sleep(max(0, due - loop.time()))
-        assert loop.time() - started > 3 * 2.0
-        await sending
-        assert not agent.left.is_set()
+async def test_a_client_that_reads_slowly_but_reads_is_not_cut_off(bridge_with, agent, initialize):
+    stall_seconds, rate = 1.0, 3_500_000  # bytes a second that the client reads
+    async with bridge_with(agent={"port": agent.port}, limits=Limits(stall_seconds=stall_seconds)) as bridge:
+        with contextlib.closing(await raw_client(bridge, initialize)) as bare:
+            await agent.heard()
+            frame = message_of(12_000_000).encode()
+            sending = asyncio.create_task(agent.say(frame + b"\n"))
+            loop = asyncio.get_running_loop()
+            started, received = loop.time(), 0
+            async with asyncio.timeout(PATIENCE):
+                while received < len(frame):
+                    received += len(await loop.sock_recv(bare, 400_000))
+                    due = started + received / rate
+                    await asyncio.sleep(max(0, due - loop.time()))  # not a wait for anything: this is the slowness
+            assert loop.time() - started > 3 * stall_seconds
+            await sending
+            assert not agent.left.is_set()
 
 
-async def test_a_client_waits_for_an_agent_that_does_not_read_and_is_told_in_the_end(client, agent, monkeypatch):
-    monkeypatch.setattr(relay, "STALL_SECONDS", 0.5)
-    agent.reading.clear()
+async def test_a_client_waits_for_an_agent_that_does_not_read_and_is_told_in_the_end(bridge_with, agent, initialize):
     frame = message_of(1_000_000)
     sent = 0
-    async with asyncio.timeout(PATIENCE):
+    async with (
+        bridge_with(agent={"port": agent.port}, limits=Limits(stall_seconds=0.5)) as bridge,
+        bridge.websocket() as client,
+        asyncio.timeout(PATIENCE),
+    ):
+        await client.send(initialize.decode())
+        await agent.heard()
+        agent.reading.clear()
         with contextlib.suppress(ConnectionClosed):
             while True:
                 await client.send(frame)

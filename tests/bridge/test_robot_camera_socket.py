@@ -10,7 +10,8 @@ from websockets.exceptions import InvalidStatus
 from backend import tokens
 from backend.identity import Role
 from backend.telemetry import Picture, Pose
-from tests.bridge.scenes import PATIENCE, SUBPROTOCOL
+from tests.bridge.scenes import PATIENCE
+from tests.bridge.viser_page import SUBPROTOCOL
 
 
 def picture(jpeg: bytes) -> Picture:
@@ -21,11 +22,11 @@ def picture(jpeg: bytes) -> Picture:
 async def bridge(bridge_with, robot, wait_until):
     """A bridge whose robot is the peer."""
     async with bridge_with(robot={"port": robot.port}) as running:
-        await wait_until(lambda: robot.asked)
+        await wait_until(lambda: robot.subscriptions)
         yield running
 
 
-async def seen(camera) -> bytes:
+async def received(camera) -> bytes:
     async with asyncio.timeout(PATIENCE):
         frame = await camera.recv()
     assert isinstance(frame, bytes)
@@ -33,40 +34,40 @@ async def seen(camera) -> bytes:
 
 
 async def test_the_robot_is_asked_for_pictures_only_while_somebody_looks(bridge, robot, wait_until):
-    assert "camera" not in robot.asked[-1].channels
+    assert "camera" not in robot.subscriptions[-1].channels
     async with bridge.websocket("/camera", token=bridge.token(Role.VIEWER)) as one:
-        await wait_until(lambda: "camera" in robot.asked[-1].channels)
-        assert robot.asked[-1].rate >= 5
-        assert "scan" not in robot.asked[-1].channels
+        await wait_until(lambda: "camera" in robot.subscriptions[-1].channels)
+        assert robot.subscriptions[-1].rate >= 5
+        assert "scan" not in robot.subscriptions[-1].channels
         async with bridge.websocket("/camera") as other:
             await robot.send(picture(b"a"))
-            assert await seen(one) == await seen(other) == b"a"
+            assert await received(one) == await received(other) == b"a"
         await robot.send(picture(b"b"))
-        assert await seen(one) == b"b"
-        assert "camera" in robot.asked[-1].channels
-    await wait_until(lambda: "camera" not in robot.asked[-1].channels)
+        assert await received(one) == b"b"
+        assert "camera" in robot.subscriptions[-1].channels
+    await wait_until(lambda: "camera" not in robot.subscriptions[-1].channels)
     assert robot.connections == 1
 
 
 async def test_scene_and_camera_share_one_subscription(bridge, robot, wait_until):
     async with bridge.websocket("/camera"), bridge.websocket("/scene", subprotocols=[SUBPROTOCOL]):
-        await wait_until(lambda: {"camera", "scan"} <= set(robot.asked[-1].channels))
-        assert robot.asked[-1].rate == 20
-    await wait_until(lambda: robot.asked[-1].rate == 2)
+        await wait_until(lambda: {"camera", "scan"} <= set(robot.subscriptions[-1].channels))
+        assert robot.subscriptions[-1].rate == 20
+    await wait_until(lambda: robot.subscriptions[-1].rate == 2)
     assert robot.connections == 1
 
 
 async def test_whoever_reads_slowly_gets_the_newest_picture_and_never_a_pile(bridge, robot, wait_until):
     big = 500_000
     async with bridge.websocket("/camera", max_queue=1) as slow, bridge.websocket("/camera") as quick:
-        await wait_until(lambda: "camera" in robot.asked[-1].channels)
+        await wait_until(lambda: "camera" in robot.subscriptions[-1].channels)
         for number in range(100):
             await robot.send(picture(bytes([number]) * big))
-            while (await seen(quick))[0] != number:
+            while (await received(quick))[0] != number:
                 pass
-        numbers = [(await seen(slow))[0]]
+        numbers = [(await received(slow))[0]]
         while numbers[-1] != 99:
-            numbers.append((await seen(slow))[0])
+            numbers.append((await received(slow))[0])
     assert numbers == sorted(numbers)
     assert len(numbers) < 50
 
@@ -89,4 +90,4 @@ async def test_a_camera_whose_login_is_revoked_is_closed(bridge, robot, closing,
     async with bridge.websocket("/camera", token=bridge.token(Role.VIEWER, "Vera")) as camera:
         tokens.revoke(bridge.settings.data_dir, "Vera")
         assert (await closing(camera))[0] == 4401
-    await wait_until(lambda: "camera" not in robot.asked[-1].channels)
+    await wait_until(lambda: "camera" not in robot.subscriptions[-1].channels)

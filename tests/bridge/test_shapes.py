@@ -1,4 +1,4 @@
-"""The scene's geometry: walls, floor, paths, laser points, and where the camera stands."""
+"""The scene's geometry: walls, floor, paths, laser points, and the views of the whole map."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from backend.bridge.scene import camera, robot, shapes
+from backend.bridge.scene.drawing import camera_views, robot_model, shapes
 from backend.telemetry import Pose, Scan
 
 calmly = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -44,7 +44,7 @@ def test_walls_stand_where_the_map_has_them():
     assert len(sides.faces) == 8
 
 
-@pytest.mark.parametrize("part", robot.parts((0, 0, 0), (1, 1, 1), (2, 2, 2)) + robot.goal((3, 3, 3)))
+@pytest.mark.parametrize("part", robot_model.parts((0, 0, 0), (1, 1, 1), (2, 2, 2)) + robot_model.goal((3, 3, 3)))
 def test_every_body_is_a_sound_mesh(part):
     assert part.mesh.faces.max() < len(part.mesh.vertices)
     assert np.isfinite(part.mesh.vertices).all()
@@ -107,7 +107,7 @@ def test_laser_points_are_where_the_map_has_what_the_readings_hit():
     assert shapes.hits(scan, z=0.3) == pytest.approx(np.array([[10, 22, 0.3], [10, 17, 0.3]]), abs=1e-5)
 
 
-def seen(view: camera.View, point: tuple[float, float, float], aspect: float) -> bool:
+def seen(view: camera_views.View, point: tuple[float, float, float], aspect: float) -> bool:
     position, look_at = np.array(view.position), np.array(view.look_at)
     forward = (look_at - position) / np.linalg.norm(look_at - position)
     right = np.cross(forward, [0, 0, 1])
@@ -115,7 +115,7 @@ def seen(view: camera.View, point: tuple[float, float, float], aspect: float) ->
     up = np.cross(right, forward)
     relative = np.array(point) - position
     depth = relative @ forward
-    slope = math.tan(camera.FIELD_OF_VIEW / 2)
+    slope = math.tan(camera_views.FIELD_OF_VIEW / 2)
     return bool(
         depth > 0
         and abs(relative @ up) <= depth * slope + 1e-6
@@ -126,7 +126,7 @@ def seen(view: camera.View, point: tuple[float, float, float], aspect: float) ->
 @calmly
 @given(st.floats(-50, 50), st.floats(-50, 50), st.floats(1, 80), st.floats(1, 80), st.floats(0.3, 4.0))
 def test_the_whole_map_is_seen_in_every_pane(x, y, width, depth, aspect):
-    view = camera.fitting((x, y, x + width, y + depth), aspect)
+    view = camera_views.map_view((x, y, x + width, y + depth), aspect)
     for corner in [(x, y), (x + width, y), (x, y + depth), (x + width, y + depth)]:
         for z in (0.0, 1.25):
             assert seen(view, (*corner, z), aspect)
@@ -134,8 +134,8 @@ def test_the_whole_map_is_seen_in_every_pane(x, y, width, depth, aspect):
 
 
 def test_the_map_fills_the_pane_that_it_is_fitted_to():
-    near = camera.fitting((0, 0, 24, 12), 1.2)
-    closer = camera.View(
+    near = camera_views.map_view((0, 0, 24, 12), 1.2)
+    closer = camera_views.View(
         tuple(p + 0.12 * (q - p) for p, q in zip(near.position, near.look_at, strict=True)), near.look_at
     )
     corners = [(x, y, 0.0) for x in (0, 24) for y in (0, 12)]
@@ -143,6 +143,6 @@ def test_the_map_fills_the_pane_that_it_is_fitted_to():
 
 
 def test_a_tall_pane_looks_along_the_long_side_of_the_map():
-    wide, tall = camera.fitting((0, 0, 24, 12), 1.5), camera.fitting((0, 0, 24, 12), 0.5)
+    wide, tall = camera_views.map_view((0, 0, 24, 12), 1.5), camera_views.map_view((0, 0, 24, 12), 0.5)
     assert wide.position[0] == pytest.approx(12)
     assert tall.position[1] == pytest.approx(6)

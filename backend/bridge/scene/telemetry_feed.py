@@ -1,6 +1,6 @@
-"""The one subscription to the robot's telemetry: kept up through restarts of the robot, as slow as will do.
+"""The bridge's one subscription to the robot's telemetry. It reconnects whenever the robot server comes back.
 
-While nobody watches, the robot is asked for little, so that the scene is up to date the moment somebody comes.
+While nobody watches, it asks for few messages: enough to keep the scene current for the next viewer.
 """
 
 from __future__ import annotations
@@ -15,46 +15,47 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import WebSocketException
 
 from backend import telemetry
-from backend.bridge.race import first_of
+from backend.bridge.first_completed import first_completed
 
-_WATCHED = 20.0
-_CAMERA = 5.0
-_UNWATCHED = 2.0
-"""States, scans and pictures a second, at most."""
+_WATCHED_RATE = 20.0
+_CAMERA_RATE = 5.0
+_UNWATCHED_RATE = 2.0
+"""The most messages a second of each channel."""
 _FIRST_DELAY = 0.25
 _LONGEST_DELAY = 5.0
+"""s between attempts to connect."""
 _MAX_MESSAGE_BYTES = 64 * 1024 * 1024
 
 log = logging.getLogger(__name__)
 
 
-class Feed:
-    """Reads the stream at `url` and hands each message to `show`; calls `lost` whenever the robot is gone."""
+class TelemetryFeed:
+    """Reads the stream at `url`. Calls `on_message` for each message, and `on_disconnect` when the robot is lost."""
 
     def __init__(
         self,
         url: str,
         secret: bytes,
-        show: Callable[[telemetry.AnyMessage], Awaitable[None]],
-        lost: Callable[[], None],
+        on_message: Callable[[telemetry.AnyMessage], Awaitable[None]],
+        on_disconnect: Callable[[], None],
     ) -> None:
         self._url = url
         self._headers = {"Authorization": f"Bearer {secret.decode()}"}
-        self._show = show
-        self._lost = lost
-        self._wanted = _wanted(scene=False, camera=False)
-        self._changed = asyncio.Event()  # set when something else is wanted
+        self._on_message = on_message
+        self._on_disconnect = on_disconnect
+        self._subscription = _subscription(scene=False, camera=False)
+        self._changed = asyncio.Event()  # set when the subscription has changed
 
-    def watch(self, *, scene: bool, camera: bool) -> None:
-        """Whether anybody looks at the scene right now, and through the robot's camera."""
-        wanted = _wanted(scene=scene, camera=camera)
-        if wanted != self._wanted:
-            self._wanted = wanted
+    def set_watched(self, *, scene: bool, camera: bool) -> None:
+        """Whether anybody watches the scene, and the robot's camera, from now on."""
+        subscription = _subscription(scene=scene, camera=camera)
+        if subscription != self._subscription:
+            self._subscription = subscription
             self._changed.set()
 
     async def run(self) -> None:
         """Keep the subscription until cancelled."""
-        delay, trouble = _FIRST_DELAY, ""
+        delay, last_error = _FIRST_DELAY, ""
         while True:
             try:
                 async with connect(
@@ -67,24 +68,24 @@ class Feed:
                     ping_timeout=5,
                 ) as stream:
                     log.info("scene: the robot's telemetry is connected")
-                    delay, trouble = _FIRST_DELAY, ""
-                    await first_of(self._listen(stream), self._subscribe(stream))
+                    delay, last_error = _FIRST_DELAY, ""
+                    await first_completed(self._read(stream), self._subscribe(stream))
             except (OSError, WebSocketException, TimeoutError) as error:
-                if str(error) != trouble:  # said once, not at every try
-                    level = logging.INFO if isinstance(error, OSError) else logging.WARNING  # not there, or refusing
+                if str(error) != last_error:  # logged once, not at each attempt
+                    level = logging.INFO if isinstance(error, OSError) else logging.WARNING  # not running, or refusing
                     log.log(level, "scene: no telemetry from the robot: %s", error)
-                trouble = str(error)
-            self._lost()
-            await asyncio.sleep(delay * random.uniform(0.8, 1.2))  # noqa: S311 - spreads, hides nothing
+                last_error = str(error)
+            self._on_disconnect()
+            await asyncio.sleep(delay * random.uniform(0.8, 1.2))  # noqa: S311 - spreads load, no secret
             delay = min(delay * 2, _LONGEST_DELAY)
 
     async def _subscribe(self, stream: ClientConnection) -> None:
         while True:
             self._changed.clear()
-            await stream.send(telemetry.encode(self._wanted))
+            await stream.send(telemetry.encode(self._subscription))
             await self._changed.wait()
 
-    async def _listen(self, stream: ClientConnection) -> None:
+    async def _read(self, stream: ClientConnection) -> None:
         async for frame in stream:
             try:
                 message = telemetry.decode(frame if isinstance(frame, bytes) else frame.encode())
@@ -92,15 +93,15 @@ class Feed:
                 log.warning("scene: dropped a telemetry message: %s", error)
                 continue
             try:
-                await self._show(message)
-            except Exception:  # another robot's map must not end the scene for good
+                await self._on_message(message)
+            except Exception:  # one message that cannot be drawn must not end the scene
                 log.exception("scene: a %s message cannot be drawn", type(message).__name__)
 
 
-def _wanted(*, scene: bool, camera: bool) -> telemetry.Subscribe:
+def _subscription(*, scene: bool, camera: bool) -> telemetry.Subscribe:
     channels: list[telemetry.Channel] = ["state", "path", "map"]
     if scene:
         channels.append("scan")
     if camera:
         channels.append("camera")
-    return telemetry.Subscribe(channels, _WATCHED if scene else _CAMERA if camera else _UNWATCHED)
+    return telemetry.Subscribe(channels, _WATCHED_RATE if scene else _CAMERA_RATE if camera else _UNWATCHED_RATE)

@@ -1,7 +1,8 @@
-"""Starts viser: at the beginning, and anew when it has numbered too many changes. One attempt at a time.
+"""Starts viser: once at the beginning, and again when it has numbered too many changes. One start at a time.
 
-viser's start takes a while, so it has a thread; where it cannot have its port or its loop, it waits for ever, so that
-thread is one that nobody waits for at the end. What comes of a start that is no longer wanted is closed.
+A start takes a second, so it runs in a thread of its own. A start that hangs (viser waits for ever where it gets no
+port) must block neither the scene nor the end of the process: that thread is a daemon, and a scene graph that is ready
+too late is closed.
 """
 
 from __future__ import annotations
@@ -10,104 +11,133 @@ import asyncio
 import concurrent.futures
 import copy
 import logging
+import math
 import threading
 import time
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from backend import telemetry
 
 if TYPE_CHECKING:
-    from backend.bridge.scene.stage import Stage
-    from backend.bridge.scene.trail import Trail
+    from backend.bridge.scene.drawing.scene_graph import SceneGraph
+    from backend.bridge.scene.drawing.trail import Trail
 
-RENEWAL_SECONDS = 10.0
-"""How long the picture may wait for a renewal, which takes a fraction of a second."""
-FIRST_PAUSE = 10.0
-LONGEST_PAUSE = 600.0
-"""s between attempts to renew."""
-_LAST_SECONDS = 2.0
+RESTART_SECONDS = 10.0
+"""The scene stands still during a restart, for this long at most; a restart takes a fraction of a second."""
+_SHUTDOWN_SECONDS = 2.0
 """How long the end of the bridge waits for a start."""
 
 log = logging.getLogger(__name__)
 
 
-class Renewal:
-    """Makes the stages of one robot, and lets time pass after an attempt that failed."""
+class Backoff:
+    """When to try again after failed attempts: `first` s later, then twice as long each time, up to `longest` s.
 
-    def __init__(self, robot_name: str) -> None:
+    Times are in s of any clock that never goes back.
+    """
+
+    def __init__(self, first: float = 10.0, longest: float = 600.0) -> None:
+        self._first = first
+        self._longest = longest
+        self._pause = first
+        self.retry_at = -math.inf
+
+    def failed(self, now: float) -> None:
+        """An attempt has failed."""
+        self.retry_at = now + self._pause
+        self._pause = min(2 * self._pause, self._longest)
+
+    def succeeded(self) -> None:
+        """An attempt has succeeded."""
+        self._pause = self._first
+        self.retry_at = -math.inf
+
+
+def build_scene_graph(robot_name: str, trail: Trail | None, messages: Sequence[telemetry.AnyMessage]) -> SceneGraph:
+    """A new viser server that shows `messages`; `trail` is where the robot has been. Raises whatever viser raises."""
+    from backend.bridge.scene.drawing.scene_graph import SceneGraph  # imports viser, which takes a second
+
+    graph = SceneGraph(robot_name, trail)
+    try:
+        for message in messages:
+            graph.draw(message)
+    except BaseException:
+        graph.close()
+        raise
+    return graph
+
+
+class ViserStarter:
+    """Builds the scene graphs of one robot, one after the other. `restart_seconds` limits a restart."""
+
+    def __init__(
+        self,
+        robot_name: str,
+        *,
+        build: Callable[[str, Trail | None, Sequence[telemetry.AnyMessage]], SceneGraph] = build_scene_graph,
+        restart_seconds: float = RESTART_SECONDS,
+        backoff: Backoff | None = None,
+    ) -> None:
         self._robot_name = robot_name
-        self._starting: asyncio.Future[Stage] | None = None  # the latest start, until something came of it
-        self._pause = FIRST_PAUSE
-        self._not_before = 0.0  # of time.monotonic
+        self._build = build
+        self._restart_seconds = restart_seconds
+        self._backoff = backoff or Backoff()
+        self._pending: asyncio.Future[SceneGraph] | None = None  # a start that has neither succeeded nor failed yet
 
-    async def first(self) -> Stage:
-        """The first stage. Raises whatever viser does."""
+    async def start(self) -> SceneGraph:
+        """The first scene graph. Raises whatever viser raises."""
         return await self._start(None, [], None)
 
-    async def renewed(self, old: Stage, kept: list[telemetry.AnyMessage]) -> Stage | None:
-        """A stage that shows the same and has numbered little; None where `old` has to go on."""
-        if self._starting is not None or time.monotonic() < self._not_before:
+    async def restart(self, old: SceneGraph, messages: Sequence[telemetry.AnyMessage]) -> SceneGraph | None:
+        """A scene graph that shows `messages` and the trail of `old`; None where `old` has to go on."""
+        if self._pending is not None or time.monotonic() < self._backoff.retry_at:
             return None
+        trail = copy.deepcopy(old.trail)  # a start that comes too late must not change the trail of `old`
         try:
-            stage = await self._start(old, kept, RENEWAL_SECONDS)
-        except Exception as error:  # whatever it is, an old picture is better than none
-            log.error("scene: viser cannot begin anew and goes on as it is: %s", error or type(error).__name__)
-            self.failed()
+            graph = await self._start(trail, messages, self._restart_seconds)
+        except Exception as error:  # an old picture is better than none, whatever the error
+            log.error("scene: viser cannot restart and goes on as it is: %s", error or type(error).__name__)
+            self._backoff.failed(time.monotonic())
             return None
-        self._pause = FIRST_PAUSE
-        return stage
+        self._backoff.succeeded()
+        return graph
 
-    def failed(self) -> None:
-        """Try again after a while, and after a longer one the next time."""
-        self._not_before = time.monotonic() + self._pause
-        self._pause = min(2 * self._pause, LONGEST_PAUSE)
-
-    async def _start(self, old: Stage | None, kept: list[telemetry.AnyMessage], seconds: float | None) -> Stage:
-        trail = copy.deepcopy(old.trail) if old is not None else None  # a start that comes late must not add to it
-        starting = self._starting = _in_thread(self._robot_name, trail, kept)
+    async def _start(
+        self, trail: Trail | None, messages: Sequence[telemetry.AnyMessage], seconds: float | None
+    ) -> SceneGraph:
+        pending = self._pending = _in_daemon_thread(lambda: self._build(self._robot_name, trail, messages))
         try:
-            done, _ = await asyncio.wait([starting], timeout=seconds)
+            done, _ = await asyncio.wait([pending], timeout=seconds)
         except asyncio.CancelledError:
-            if (await asyncio.wait([starting], timeout=_LAST_SECONDS))[0]:
-                _close(starting)
+            if (await asyncio.wait([pending], timeout=_SHUTDOWN_SECONDS))[0]:
+                _close(pending)
             raise
         if not done:
-            starting.add_done_callback(self._came_late)
-            raise TimeoutError("its start hangs; another one follows when that is over")
-        self._starting = None
-        return starting.result()
+            pending.add_done_callback(self._discard)
+            raise TimeoutError("its start hangs; the next one follows when that has ended")
+        self._pending = None
+        return pending.result()
 
-    def _came_late(self, starting: asyncio.Future[Stage]) -> None:
-        self._starting = None
-        _close(starting)
-
-
-def _close(starting: asyncio.Future[Stage]) -> None:
-    if starting.exception() is None:
-        starting.result().close()
+    def _discard(self, pending: asyncio.Future[SceneGraph]) -> None:
+        self._pending = None
+        _close(pending)
 
 
-def _in_thread(robot_name: str, trail: Trail | None, kept: list[telemetry.AnyMessage]) -> asyncio.Future[Stage]:
-    made: concurrent.futures.Future[Stage] = concurrent.futures.Future()
+def _close(pending: asyncio.Future[SceneGraph]) -> None:
+    if pending.exception() is None:
+        pending.result().close()
 
-    def make() -> None:
+
+def _in_daemon_thread(build: Callable[[], SceneGraph]) -> asyncio.Future[SceneGraph]:
+    """Run `build` in a thread that does not keep the process alive, as those of `asyncio.to_thread` would."""
+    built: concurrent.futures.Future[SceneGraph] = concurrent.futures.Future()
+
+    def run() -> None:
         try:
-            made.set_result(_make_stage(robot_name, trail, kept))
-        except BaseException as error:  # raised where it is waited for
-            made.set_exception(error)
+            built.set_result(build())
+        except BaseException as error:  # raised again where the future is awaited
+            built.set_exception(error)
 
-    threading.Thread(target=make, name="start of viser", daemon=True).start()
-    return asyncio.wrap_future(made)
-
-
-def _make_stage(robot_name: str, trail: Trail | None, kept: list[telemetry.AnyMessage]) -> Stage:
-    from backend.bridge.scene.stage import Stage  # viser comes with it, and takes its time
-
-    stage = Stage(robot_name, trail)
-    try:
-        for message in kept:
-            stage.show(message)
-    except BaseException:
-        stage.close()
-        raise
-    return stage
+    threading.Thread(target=run, name="start of viser", daemon=True).start()
+    return asyncio.wrap_future(built)

@@ -1,7 +1,7 @@
-"""Where a viewer's camera stands: all of the map obliquely or from above, or behind the robot.
+"""Where a camera stands for each view: all of the map obliquely or from above, or behind the robot.
 
 The whole map fits into a narrow pane as into a wide one: in a pane that is much taller than the map is, the view
-looks along the map's other side where that shows it larger.
+is along the map's other side where that shows the map larger. Plain functions; lengths in m of the map frame.
 """
 
 from __future__ import annotations
@@ -13,68 +13,74 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from backend.bridge.scene.shapes import Extent
+from backend.bridge.scene.drawing.shapes import Extent
 from backend.telemetry import Pose
 
 FIELD_OF_VIEW = math.radians(40)
-"""Vertical; narrow enough that far rooms do not shrink much."""
+"""Vertical; narrow enough that far rooms do not look much smaller."""
 
 TYPICAL_ASPECT = 1.3
-"""Of a pane that has not told its shape yet."""
+"""Width to height of a pane that has not reported its shape yet."""
 
-_OBLIQUE = math.radians(62)
-_OVERHEAD = math.radians(89.5)
-"""Not 90: a camera that looks straight down has no up."""
+_MAP_ELEVATION = math.radians(62)
+_TOP_ELEVATION = math.radians(89.5)
+"""How far down the camera looks. Not 90°: a camera that looks straight down has no up direction."""
 _MARGIN = 1.05
 _WORTH_TURNING = 1.3
+"""How many times nearer the camera has to come before the map is shown from its other side."""
 _HEAD_ROOM = 1.6
-"""m above the floor that have to be seen too."""
+"""m above the floor that have to be visible as well."""
 
-_BEHIND, _ABOVE, _AHEAD = 4.2, 3.6, 1.2
-"""m that the camera follows behind and above the robot, and looks ahead of it."""
-_NARROW = 0.9
-"""Panes narrower than this, width to height, see too little of what is beside the robot."""
+_FOLLOW_BEHIND, _FOLLOW_ABOVE, _FOLLOW_AHEAD = 4.2, 3.6, 1.2
+"""m that the following camera stands behind and above the robot, and looks ahead of it."""
+_NARROW_ASPECT = 0.9
+"""A pane narrower than this shows too little beside the robot, so the following camera stands further away."""
 
 Vector = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class View:
-    """A camera pose: its position and the point of the floor that it looks at, in m."""
+    """A camera pose: its position and the point that it looks at, in m of the map frame."""
 
     position: tuple[float, float, float]
     look_at: tuple[float, float, float]
 
 
-def fitting(extent: Extent, aspect: float) -> View:
+# Each page's report of its camera asks for the same few views again, so both views are cached.
+
+
+@lru_cache(maxsize=256)
+def map_view(extent: Extent, aspect: float) -> View:
     """The nearest oblique view that shows all of `extent` in a pane of that width to height."""
-    return _fitting(extent, aspect, _OBLIQUE)
+    return _view_of(extent, aspect, _MAP_ELEVATION)
 
 
-def overhead(extent: Extent, aspect: float) -> View:
-    """The same from straight above."""
-    return _fitting(extent, aspect, _OVERHEAD)
+@lru_cache(maxsize=256)
+def top_view(extent: Extent, aspect: float) -> View:
+    """The nearest view from above that shows all of `extent` in a pane of that width to height."""
+    return _view_of(extent, aspect, _TOP_ELEVATION)
 
 
-def behind(robot: Pose, aspect: float) -> View:
+def follow_view(robot: Pose, aspect: float) -> View:
     """The view over the robot's shoulder."""
-    back = max(1.0, _NARROW / aspect)
+    scale = max(1.0, _NARROW_ASPECT / aspect)
     cos, sin = math.cos(robot.yaw), math.sin(robot.yaw)
+    behind, above = _FOLLOW_BEHIND * scale, _FOLLOW_ABOVE * scale
     return View(
-        (robot.x - cos * _BEHIND * back, robot.y - sin * _BEHIND * back, _ABOVE * back),
-        (robot.x + cos * _AHEAD, robot.y + sin * _AHEAD, 0.0),
+        (robot.x - cos * behind, robot.y - sin * behind, above),
+        (robot.x + cos * _FOLLOW_AHEAD, robot.y + sin * _FOLLOW_AHEAD, 0.0),
     )
 
 
-@lru_cache(maxsize=256)  # every page asks again with each report, for one of few shapes
-def _fitting(extent: Extent, aspect: float, elevation: float) -> View:
-    north, north_distance = _looking(extent, aspect, math.pi / 2, elevation)
-    west, west_distance = _looking(extent, aspect, math.pi, elevation)
+def _view_of(extent: Extent, aspect: float, elevation: float) -> View:
+    north, north_distance = _view_along(extent, aspect, math.pi / 2, elevation)
+    west, west_distance = _view_along(extent, aspect, math.pi, elevation)
     return west if west_distance * _WORTH_TURNING < north_distance else north
 
 
-def _looking(extent: Extent, aspect: float, azimuth: float, elevation: float) -> tuple[View, float]:
-    """The view along a compass direction, so many rad downwards, and its distance from what it looks at."""
+def _view_along(extent: Extent, aspect: float, azimuth: float, elevation: float) -> tuple[View, float]:
+    """The view in direction `azimuth`, `elevation` rad downwards, and the camera's distance from the map's middle."""
     level = np.array([math.cos(azimuth), math.sin(azimuth), 0.0])
     vertical = np.array([0.0, 0.0, 1.0])
     forward = level * math.cos(elevation) - vertical * math.sin(elevation)

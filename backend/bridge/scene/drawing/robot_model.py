@@ -1,6 +1,6 @@
-"""What the robot looks like in the scene: a round base, a slim body, a head with a visor, an arrow on the floor.
+"""The bodies of the scene: the robot (round base, slim body, head with a visor, arrow on the floor), a post, the goal.
 
-A drawing, not a measurement: the robot's real outline is the robot server's business.
+They are drawings, not measurements: the robot's real footprint is known to the robot server alone. Lengths in m.
 """
 
 from __future__ import annotations
@@ -8,24 +8,24 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from backend.bridge.scene import shapes
-from backend.bridge.scene.shapes import Mesh
+from backend.bridge.scene.drawing import shapes
+from backend.bridge.scene.drawing.shapes import Mesh
 
 HEIGHT = 1.25
-"""m; labels float above it."""
-EYE = (0.14, 0.0, 1.11)
-"""Where its camera looks from, in its own frame: the middle of the visor."""
-EYE_FORWARD = (0.5, -0.5, 0.5, -0.5)
+"""Labels float above it."""
+CAMERA_POSITION = (0.14, 0.0, 1.11)
+"""Of the robot's camera in the robot's frame: the middle of the visor."""
+CAMERA_WXYZ = (0.5, -0.5, 0.5, -0.5)
 """The rotation (w, x, y, z) that turns a camera's z axis forward and its y axis down."""
-SIGHT = math.radians(78)
-"""How wide the camera sees: the simulator's, as telemetry does not tell it."""
+CAMERA_FIELD_OF_VIEW = math.radians(78)
+"""Horizontal. It is that of the simulator's camera, as telemetry does not report it."""
 
 Colour = tuple[int, int, int]
 
 
 @dataclass(frozen=True)
 class Part:
-    """One body of the robot. `tinted` parts take on the colour of its state."""
+    """One body. `tinted` parts take on the colour of the robot's status."""
 
     name: str
     mesh: Mesh
@@ -58,13 +58,13 @@ def parts(dark: Colour, light: Colour, accent: Colour) -> list[Part]:
     ]
 
 
-def sight_height(aspect: float) -> float:
-    """The camera's vertical field of view in rad, of a picture of that width to height."""
-    return 2 * math.atan(math.tan(SIGHT / 2) / aspect)
+def vertical_field_of_view(aspect: float) -> float:
+    """The vertical field of view of the robot's camera in rad, for pictures of that width to height."""
+    return 2 * math.atan(math.tan(CAMERA_FIELD_OF_VIEW / 2) / aspect)
 
 
 def post() -> Mesh:
-    """An obstacle of a radius and a height of 1 m, to be scaled to what was seen."""
+    """The post of an obstacle, with a radius and a height of 1 m; its node scales it."""
     return shapes.lathe([(1.0, 0.0), (1.0, 0.9), (0.8, 0.98), (0.0, 1.0)], segments=24)
 
 

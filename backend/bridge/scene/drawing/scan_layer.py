@@ -1,4 +1,4 @@
-"""What the laser sees: its points, and a post for whatever the map does not explain.
+"""What the laser measures: its points, and a post for each obstacle that the map does not explain.
 
 A fixed number of posts is made once; they are moved and hidden, never made or removed.
 """
@@ -9,77 +9,78 @@ import numpy as np
 import viser
 
 from backend import telemetry
-from backend.bridge.scene import obstacles, robot, shapes
-from backend.bridge.scene.nodes import Colour, Nodes
+from backend.bridge.scene.drawing import obstacle_detection, robot_model, shapes
+from backend.bridge.scene.drawing.scene_nodes import Colour, SceneNodes
 
 LASER: Colour = (13, 148, 136)
 OBSTACLE: Colour = (176, 84, 158)
 
 LASER_HEIGHT = 0.3
 POST_HEIGHT = 1.2
-_LOOK_EVERY = 0.1
-"""s between looks for obstacles: nobody sees a faster post, and each change costs."""
-_ALIKE = 0.1
-"""m, more than a laser's noise: points that are all within it of those that are drawn cost no page a new picture."""
-_NOTHING = np.array([[0, 0, -100]], np.float32)  # out of sight, as a cloud cannot be empty
+"""m"""
+_DETECTION_SECONDS = 0.1
+"""s between two detections: nobody can see a post that moves more often, and each change costs."""
+_LASER_NOISE = 0.1
+"""m. Points that are all this near to the drawn ones are not drawn again, which would cost each page a picture."""
+_NO_POINTS = np.array([[0, 0, -100]], np.float32)  # one point out of sight, as a point cloud cannot be empty
 
 
-class Surroundings:
+class ScanLayer:
     """Draws one scan after the other."""
 
-    def __init__(self, scene: viser.SceneApi, nodes: Nodes) -> None:
+    def __init__(self, scene: viser.SceneApi, nodes: SceneNodes) -> None:
         self._nodes = nodes
-        self._known: obstacles.Known | None = None
-        self._posts = obstacles.Posts()
-        self._due = 0.0  # when to look for obstacles next
-        self._drawn = _NOTHING
-        self.points = scene.add_point_cloud(
+        self._map: obstacle_detection.ExplainedMap | None = None
+        self._tracker = obstacle_detection.ObstacleTracker()
+        self._next_detection = 0.0  # s of the clock that `draw` is called with
+        self._drawn = _NO_POINTS
+        self._points = scene.add_point_cloud(
             "/laser",
-            _NOTHING,
+            _NO_POINTS,
             LASER,
             point_size=0.07,
             point_shape="circle",
             point_shading="flat",
-            precision="float32",  # the default has steps of 6 cm far out
+            precision="float32",  # the default, float16, has steps of 6 cm far from the origin
         )
-        self.posts = [
-            nodes.mesh(f"/obstacles/{number}", robot.post(), OBSTACLE, visible=False)
-            for number in range(obstacles.MOST)
+        self._posts = [
+            nodes.mesh(f"/obstacles/{number}", robot_model.post(), OBSTACLE, visible=False)
+            for number in range(obstacle_detection.MAX_OBSTACLES)
         ]
 
-    def on(self, grid: telemetry.Map) -> None:
-        """From now on the readings are compared with this map."""
-        self._known = obstacles.Known(grid)
-        self._posts.clear()
-        self._show_posts()
+    def set_map(self, grid: telemetry.Map) -> None:
+        """Compare the readings with this map from now on."""
+        self._map = obstacle_detection.ExplainedMap(grid)
+        self._tracker.clear()
+        self._update_posts()
 
-    def show(self, scan: telemetry.Scan, now: float) -> None:
-        """Draw a scan; `now` is any clock in s that only goes forward."""
-        # In the map's frame, not below the robot: it has moved on since, and a page turns points and frames at
-        # different moments.
+    def draw(self, scan: telemetry.Scan, now: float) -> None:
+        """Draw a scan; `now` is in s of any clock that never goes back."""
+        # The points are in the map frame, not children of the robot's node: the robot has moved on since the scan, and
+        # a page applies points and poses at different moments.
         points = shapes.hits(scan, LASER_HEIGHT)
-        drawable = points if len(points) else _NOTHING
+        drawable = points if len(points) else _NO_POINTS
         if not _are_alike(drawable, self._drawn):
             self._drawn = drawable
-        self._nodes.assign(self.points, points=self._drawn, visible=True)
-        if self._known is not None and now >= self._due:
-            self._due = now + _LOOK_EVERY
-            self._posts.update(obstacles.seen(points[:, :2], scan.pose, self._known), now)
-            self._show_posts()
+        self._nodes.update(self._points, points=self._drawn, visible=True)
+        if self._map is not None and now >= self._next_detection:
+            self._next_detection = now + _DETECTION_SECONDS
+            self._tracker.update(obstacle_detection.detect(points[:, :2], scan.pose, self._map), now)
+            self._update_posts()
 
     def hide(self) -> None:
-        """Nothing is seen any more."""
-        self._nodes.assign(self.points, visible=False)
-        self._posts.clear()
-        self._show_posts()
+        """Hide points and posts."""
+        self._nodes.update(self._points, visible=False)
+        self._tracker.clear()
+        self._update_posts()
 
-    def _show_posts(self) -> None:
-        for node, post in zip(self.posts, self._posts.shown, strict=True):
-            if post is not None:
-                size = (post.radius, post.radius, POST_HEIGHT)
-                self._nodes.assign(node, position=(post.x, post.y, 0.0), scale=size)
-            self._nodes.assign(node, visible=post is not None)
+    def _update_posts(self) -> None:
+        for node, obstacle in zip(self._posts, self._tracker.slots, strict=True):
+            if obstacle is not None:
+                size = (obstacle.radius, obstacle.radius, POST_HEIGHT)
+                self._nodes.update(node, position=(obstacle.x, obstacle.y, 0.0), scale=size)
+            self._nodes.update(node, visible=obstacle is not None)
 
 
 def _are_alike(points: np.ndarray, others: np.ndarray) -> bool:
-    return points.shape == others.shape and bool(np.all(np.abs(points - others) < _ALIKE))
+    return points.shape == others.shape and bool(np.all(np.abs(points - others) < _LASER_NOISE))

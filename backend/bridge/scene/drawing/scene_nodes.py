@@ -1,7 +1,7 @@
-"""Nodes of the viser scene that are made once and then assigned to, and only with what has changed.
+"""Nodes of viser's scene graph that are made once and then updated, and only where a property has changed.
 
-viser numbers every change for ever, and a new viewer's first picture waits for a walk through these numbers. So
-nothing is drawn past this file, and what it has assigned is counted. One call at a time.
+viser numbers every change and never forgets a number, so a redundant update costs every later viewer. Therefore all
+drawing goes through this file, which counts its updates. It is not thread-safe: one call at a time.
 """
 
 from __future__ import annotations
@@ -13,25 +13,25 @@ import numpy as np
 import viser
 
 from backend import telemetry
-from backend.bridge.scene import shapes
+from backend.bridge.scene.drawing.shapes import Mesh
 
 Colour = tuple[int, int, int]
 
 
-class Nodes:
-    """Makes the nodes of one viser server. `changes` is how many assignments went out."""
+class SceneNodes:
+    """Makes and updates the nodes of one viser server. `change_count` is how many properties were updated."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._scene = server.scene
-        self._shown: dict[str, Any] = {}  # what each node shows, so that only changes are assigned
-        self.changes = 0
+        self._shown: dict[str, Any] = {}  # the value of each updated property
+        self.change_count = 0
 
     def frame(self, name: str, *, visible: bool = True) -> viser.FrameHandle:
-        """A place to hang other nodes on, that is not seen itself."""
+        """A coordinate frame as the parent of other nodes; it is not drawn itself."""
         return self._scene.add_frame(name, show_axes=False, visible=visible)
 
     def mesh(
-        self, name: str, mesh: shapes.Mesh, colour: Colour, *, opacity: float | None = None, visible: bool = True
+        self, name: str, mesh: Mesh, colour: Colour, *, opacity: float | None = None, visible: bool = True
     ) -> viser.MeshHandle:
         """A body of one colour, without shadows."""
         return self._scene.add_mesh_simple(
@@ -59,23 +59,23 @@ class Nodes:
         )
 
     def label(self, name: str, text: str, position: tuple[float, float, float], **options: Any) -> viser.LabelHandle:
-        """Words that face the viewer."""
+        """A text that always faces the viewer."""
         return self._scene.add_label(name, text, position=position, **options)
 
-    def place(self, node: viser.SceneNodeHandle, pose: telemetry.Pose) -> None:
-        """Put a node on the floor."""
-        self.assign(
+    def set_pose(self, node: viser.SceneNodeHandle, pose: telemetry.Pose) -> None:
+        """Move a node to `pose` on the floor."""
+        self.update(
             node,
             position=(pose.x, pose.y, 0.0),
             wxyz=(math.cos(pose.yaw / 2), 0.0, 0.0, math.sin(pose.yaw / 2)),
         )
 
-    def assign(self, node: viser.SceneNodeHandle, **values: Any) -> None:
-        """Set properties of a node to what they are not yet."""
-        for name, value in values.items():
+    def update(self, node: viser.SceneNodeHandle, **properties: Any) -> None:
+        """Set those properties of a node that have changed."""
+        for name, value in properties.items():
             key = f"{node.name}.{name}"
             if key in self._shown and np.array_equal(self._shown[key], value):
                 continue
             self._shown[key] = value
-            self.changes += 1
+            self.change_count += 1
             setattr(node, name, value)

@@ -1,6 +1,6 @@
-"""Geometry of the scene: walls from an occupancy grid, its floor as a picture, the robot from simple bodies.
+"""Geometry of the scene: meshes of walls and simple bodies, the floor as a picture, lines and laser points.
 
-Plain functions over arrays, without viser. Lengths in m, x forward, y left, z up; triangles wind
+Plain functions over arrays, without viser. Lengths in m, x forward, y left, z up (REP 103); triangles wind
 counter-clockwise seen from outside.
 """
 
@@ -21,21 +21,21 @@ Extent = tuple[float, float, float, float]
 """A rectangle of the map (x0, y0, x1, y1), in m."""
 
 NAME_OFFSET = 0.9
-"""m that a name stands beside its place, so that the robot can be seen there."""
+"""m between a place and its name, so that the name does not hide a robot at the place."""
 
 
 @dataclass(frozen=True)
 class Mesh:
-    """Triangles: `vertices` (V, 3) in m, `faces` (F, 3) as indices of them."""
+    """Triangles: `vertices` (V, 3) in m, `faces` (F, 3) as indices of vertices."""
 
     vertices: Floats
     faces: npt.NDArray[np.uint32]
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
-    """All of them as one mesh."""
+    """The meshes as one; one triangle of no size where there is none."""
     if not meshes:
-        # A mesh without a triangle cannot be drawn; one of no size is not seen.
+        # viser cannot draw a mesh without a triangle; one of no size is invisible.
         return Mesh(np.zeros((3, 3), np.float32), np.array([[0, 1, 2]], np.uint32))
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes[:-1]])
     return Mesh(
@@ -47,7 +47,7 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
 def rectangles(mask: Mask) -> list[tuple[int, int, int, int]]:
     """The true cells of `mask` as few rectangles (row, column, rows, columns) that do not overlap.
 
-    Greedy: runs of a row are joined with equal runs of the rows above them.
+    Greedy: a run of cells is joined with equal runs of the rows before.
     """
     padded = np.pad(mask, ((0, 0), (1, 1))).astype(np.int8)
     edges = np.diff(padded, axis=1)
@@ -67,7 +67,7 @@ def rectangles(mask: Mask) -> list[tuple[int, int, int, int]]:
 
 
 def walls(occupied: Mask, resolution: float, origin: tuple[float, float], height: float) -> tuple[Mesh, Mesh]:
-    """The sides and the tops of the walls that stand on the occupied cells (row 0 at the smallest y)."""
+    """The sides and the tops of walls on the occupied cells; row 0 is at the smallest y, `origin` its first corner."""
     sides: list[Mesh] = []
     tops: list[Mesh] = []
     for row, column, rows, columns in rectangles(occupied):
@@ -90,9 +90,9 @@ def floor_picture(
     outside: tuple[int, int, int],
     scale: int = 3,
 ) -> npt.NDArray[np.uint8]:
-    """The floor, `scale` pixels a cell: free space with a fine line each metre.
+    """The floor as RGB (rows, columns, 3), `scale` pixels a cell: known space with a fine line each metre.
 
-    `cells` is the grid of `telemetry.Map`. Its row 0, and that of the picture, is at the smallest y: viser lays a
+    `cells` is the grid of `telemetry.Map`. Row 0 of the grid and of the picture is at the smallest y: viser lays a
     picture on the floor with its first row there.
     """
     height, width = cells.shape
@@ -111,7 +111,7 @@ def floor_picture(
 
 
 def extent(cells: npt.NDArray[np.uint8], resolution: float, origin: tuple[float, float]) -> Extent:
-    """The smallest rectangle around all that is known of the map; all of it when nothing is."""
+    """The smallest rectangle around all known cells; the whole map where no cell is known."""
     known = cells != 255
     rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
     if not len(rows):
@@ -127,7 +127,7 @@ def extent(cells: npt.NDArray[np.uint8], resolution: float, origin: tuple[float,
 def lathe(
     profile: Sequence[tuple[float, float]], *, centre: tuple[float, float] = (0.0, 0.0), segments: int = 40
 ) -> Mesh:
-    """A body of revolution around the vertical through `centre`: `profile` is (radius, z) from bottom to top."""
+    """A body of revolution around the vertical axis at `centre`; `profile` is (radius, z) from bottom to top."""
     angles = np.linspace(0, 2 * math.pi, segments, endpoint=False)
     ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     rows = [np.column_stack([ring * radius + np.array(centre), np.full(segments, z)]) for radius, z in profile]
@@ -141,12 +141,12 @@ def lathe(
 
 
 def ring(inner: float, outer: float, z: float, segments: int = 56) -> Mesh:
-    """A flat ring that lies at height `z` and is seen from above."""
+    """A flat ring at height `z`, visible from above."""
     return lathe([(outer, z), (inner, z)], segments=segments)
 
 
 def polygon(points: Sequence[tuple[float, float]], z: float) -> Mesh:
-    """A flat convex polygon at height `z`, seen from above; its points run counter-clockwise."""
+    """A flat convex polygon at height `z`, visible from above; its points run counter-clockwise."""
     vertices = np.array([(x, y, z) for x, y in points], np.float32)
     return Mesh(vertices, np.array([(0, i, i + 1) for i in range(1, len(points) - 1)], np.uint32))
 
@@ -165,7 +165,7 @@ def box(low: tuple[float, float, float], high: tuple[float, float, float]) -> Me
 
 
 def segments_of(points: Sequence[tuple[float, float]], z: float) -> Floats:
-    """A path as line segments (N, 2, 3) at height `z`; one of no length where there is no path."""
+    """A path as line segments (N, 2, 3) at height `z`; one segment of no length where there is no path."""
     if len(points) < 2:
         return np.zeros((1, 2, 3), np.float32)
     line = np.column_stack([np.array(points, np.float32), np.full(len(points), z, np.float32)])

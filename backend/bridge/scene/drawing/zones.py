@@ -1,7 +1,7 @@
-"""Keep-out zones as a part of the floor's picture: a red glaze with stripes and a border, and where the name stands.
+"""Keep-out zones as a part of the floor's picture: a red tint with stripes and a border.
 
-Painted, so that they cost no node and no frame rate. Plain functions over arrays; what a zone means to the robot is
-the robot server's business.
+They are painted, so that they cost no nodes and no frame rate. Plain functions over arrays. Here they are only drawn:
+the robot server keeps the robot out of them.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ COLOUR = (220, 38, 38)
 STRIPE = 0.5
 """m from one stripe to the next."""
 BORDER = 0.06
-"""m"""
-_GLAZE, _STRIPED, _BORDERED = 0.12, 0.3, 0.85
+"""m wide."""
+_TINT_OPACITY, _STRIPE_OPACITY, _BORDER_OPACITY = 0.12, 0.3, 0.85
 
 Picture = npt.NDArray[np.uint8]
 Point = tuple[float, float]
 
 
 def paint(picture: Picture, zones: Sequence[Zone], pixel: float, origin: Point) -> None:
-    """Paint zones over a floor's picture: row and column 0 are at `origin`, `pixel` is the size of one in m."""
+    """Paint zones into a floor's picture: its row and column 0 are at `origin`, a pixel is `pixel` m wide."""
     height, width = picture.shape[:2]
     for zone in zones:
         if len(zone.polygon) < 3:
@@ -37,19 +37,19 @@ def paint(picture: Picture, zones: Sequence[Zone], pixel: float, origin: Point) 
         draw.polygon(corners, fill=1)
         border = Image.new("1", (width, height))
         ImageDraw.Draw(border).line([*corners, corners[0]], fill=1, width=max(1, round(BORDER / pixel)), joint="curve")
-        rows, columns = _box(corners, width, height)
+        rows, columns = _bounds(corners, width, height)
         if rows.stop <= rows.start or columns.stop <= columns.start:
             continue
         across = np.add.outer(np.arange(rows.start, rows.stop), np.arange(columns.start, columns.stop)) * pixel
         striped = across % STRIPE < STRIPE / 2
-        strength = np.where(striped, _STRIPED, _GLAZE) * np.asarray(inside, np.bool_)[rows, columns]
-        strength = np.where(np.asarray(border, np.bool_)[rows, columns], _BORDERED, strength)[..., None]
+        opacity = np.where(striped, _STRIPE_OPACITY, _TINT_OPACITY) * np.asarray(inside, np.bool_)[rows, columns]
+        opacity = np.where(np.asarray(border, np.bool_)[rows, columns], _BORDER_OPACITY, opacity)[..., None]
         part = picture[rows, columns]
-        picture[rows, columns] = (part * (1 - strength) + np.array(COLOUR) * strength).astype(np.uint8)
+        picture[rows, columns] = (part * (1 - opacity) + np.array(COLOUR) * opacity).astype(np.uint8)
 
 
-def middle(polygon: Sequence[Point]) -> Point:
-    """The centroid of a polygon; the mean of the corners of one without an area."""
+def centroid(polygon: Sequence[Point]) -> Point:
+    """The centroid of a polygon; the mean of its corners where it has no area."""
     corners = np.array(polygon, float)
     after = np.roll(corners, -1, axis=0)
     cross = corners[:, 0] * after[:, 1] - after[:, 0] * corners[:, 1]
@@ -61,9 +61,9 @@ def middle(polygon: Sequence[Point]) -> Point:
     return float(x), float(y)
 
 
-def _box(corners: Sequence[Point], width: int, height: int) -> tuple[slice, slice]:
+def _bounds(corners: Sequence[Point], width: int, height: int) -> tuple[slice, slice]:
     """The rows and columns of the picture that a zone and its border can touch."""
-    margin = 8
+    margin = 8  # pixels, more than half a border
     xs, ys = [x for x, _ in corners], [y for _, y in corners]
     columns = slice(max(0, int(min(xs)) - margin), min(width, int(max(xs)) + margin))
     rows = slice(max(0, int(min(ys)) - margin), min(height, int(max(ys)) + margin))

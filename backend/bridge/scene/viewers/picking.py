@@ -1,22 +1,22 @@
-"""Which point of the floor a click means, and which place is there. Plain functions; a pick commands nothing."""
+"""Which point of the floor a click means, and which place is there. Plain functions; a click commands nothing."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
 
-from backend.bridge.scene.shapes import NAME_OFFSET, Extent
-from backend.bridge.scene.viser_wire import Click
+from backend.bridge.scene.drawing.shapes import NAME_OFFSET, Extent
+from backend.bridge.scene.viser_internals import Click
 from backend.telemetry import Place
 
-AROUND_PLACE = 1.0
-"""m from a place within which a click means it."""
-AROUND_NAME = 0.6
-"""The same from the middle of its name."""
+PLACE_RADIUS = 1.0
+"""m around a place within which a click means that place."""
+NAME_RADIUS = 0.6
+"""m around the middle of its name within which a click means that place."""
 
 
-def on_floor(click: Click, extent: Extent) -> tuple[float, float] | None:
-    """Where the ray meets the floor of the map; None where it does not."""
+def floor_point(click: Click, extent: Extent) -> tuple[float, float] | None:
+    """Where the ray of a click meets the floor, in m of the map frame; None where it misses the map."""
     (ox, oy, oz), (dx, dy, dz) = click.origin, click.direction
     if oz <= 0 or dz >= 0:
         return None
@@ -27,11 +27,13 @@ def on_floor(click: Click, extent: Extent) -> tuple[float, float] | None:
 
 
 def place_at(point: tuple[float, float], places: Iterable[Place]) -> str | None:
-    """The name of the nearest place that a click there means."""
+    """The name of the place that a click at `point` means, the nearest of several; None where there is none."""
     nearest, name = math.inf, None
     for place in places:
         x, y = place.pose.x, place.pose.y
-        share = min(math.dist(point, (x, y)) / AROUND_PLACE, math.dist(point, (x, y - NAME_OFFSET)) / AROUND_NAME)
-        if share <= 1.0 and share < nearest:
-            nearest, name = share, place.name
+        to_place = math.dist(point, (x, y)) / PLACE_RADIUS
+        to_name = math.dist(point, (x, y - NAME_OFFSET)) / NAME_RADIUS
+        distance = min(to_place, to_name)  # as a share of the radius
+        if distance <= 1.0 and distance < nearest:
+            nearest, name = distance, place.name
     return name

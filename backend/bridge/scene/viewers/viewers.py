@@ -1,7 +1,7 @@
-"""Those who watch: for each the camera of its page, and the control beside it that says what to look at.
+"""The viewers of the scene: for each the camera of its page, and the control beside the page that chooses the view.
 
-A viewer is known by the id that its page made up, and by who is logged in: nobody can reach another person's. It is
-forgotten when page and control are gone.
+A viewer is identified by the id that its page has made up and by the name of its login, so nobody can reach another
+person's. A viewer is forgotten when its page and its control have disconnected.
 """
 
 from __future__ import annotations
@@ -11,150 +11,151 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from backend.bridge.scene import picking, viser_wire
-from backend.bridge.scene.camera import View
-from backend.bridge.scene.eye import Choice, Eye, Report
-from backend.bridge.scene.latest import Latest
-from backend.bridge.scene.shapes import Extent
+from backend.bridge.scene import viser_internals
+from backend.bridge.scene.conflating_queue import ConflatingQueue
+from backend.bridge.scene.drawing.camera_views import View
+from backend.bridge.scene.drawing.shapes import Extent
+from backend.bridge.scene.viewers import picking
+from backend.bridge.scene.viewers.viewer_camera import CameraReport, ViewChoice, ViewerCamera
 from backend.telemetry import Place, Pose
 
-Key = tuple[str, str]
-"""Who is logged in, and the id that the page made up."""
+ViewerKey = tuple[str, str]
+"""The name of the login, and the id that the page has made up."""
 
-Page = Latest[bytes]
+PageQueue = ConflatingQueue[bytes]
 """Frames for a viewer's page."""
-Control = Latest[dict[str, Any]]
+ControlQueue = ConflatingQueue[dict[str, Any]]
 """Messages for a viewer's control."""
 
 
 class Viewer:
-    """One viewer. Of two pages or two controls with one id the newer counts."""
+    """One viewer. Of two pages or two controls with one id, the newer one counts."""
 
-    def __init__(self, eye: Eye) -> None:
-        self.eye = eye
-        self.page: Page | None = None
-        self.control: Control | None = None
-        self._replaced: Callable[[], None]  # set with the control
-        self._picking = False
-        self._said: str | None = None  # the view that the control knows of
+    def __init__(self, camera: ViewerCamera) -> None:
+        self._camera = camera
+        self._page: PageQueue | None = None
+        self._control: ControlQueue | None = None
+        self._on_replaced: Callable[[], None]  # set with the control
+        self._is_picking = False
+        self._reported_view: str | None = None  # the view that the control was told last
 
-    def page_opened(self, page: Page) -> None:
-        """Its page is connected."""
-        self.page = page
-        self.eye.closed()
-        if self._picking:
-            page.put("clicks", viser_wire.clicks(True))
+    def page_opened(self, page: PageQueue) -> None:
+        """A page has connected."""
+        self._page = page
+        self._camera.page_closed()
+        if self._is_picking:
+            page.put("clicks", viser_internals.click_frame(True))
 
-    def page_closed(self, page: Page) -> None:
-        """A page of it is gone."""
-        if self.page is page:
-            self.page = None
-            self.eye.closed()
+    def page_closed(self, page: PageQueue) -> None:
+        """A page has disconnected."""
+        if self._page is page:
+            self._page = None
+            self._camera.page_closed()
 
-    def control_opened(self, control: Control, replaced: Callable[[], None]) -> None:
-        """Its control is connected; `replaced` is called when another one takes its place."""
-        if self.control is not None:
-            self._replaced()
-        self.control, self._replaced, self._said = control, replaced, None
-        self.pick(False)
-        self._tell()
+    def control_opened(self, control: ControlQueue, on_replaced: Callable[[], None]) -> None:
+        """A control has connected; `on_replaced` is called when another one takes its place."""
+        if self._control is not None:
+            self._on_replaced()
+        self._control, self._on_replaced, self._reported_view = control, on_replaced, None
+        self.set_picking(False)
+        self._report_view()
 
-    def control_closed(self, control: Control) -> None:
-        """A control of it is gone."""
-        if self.control is control:
-            self.control = None
-            self.pick(False)
+    def control_closed(self, control: ControlQueue) -> None:
+        """A control has disconnected."""
+        if self._control is control:
+            self._control = None
+            self.set_picking(False)
 
-    def choose(self, view: Choice) -> None:
-        """The control asks for a view."""
-        self._put(self.eye.choose(view, time.monotonic()))
-        self._said = None  # an answer to each wish, also to one that changes nothing
-        self._tell()
+    def choose_view(self, view: ViewChoice) -> None:
+        """The control asks for a view. It is answered also where that changes nothing."""
+        self._move_camera(self._camera.choose(view, time.monotonic()))
+        self._reported_view = None
+        self._report_view()
 
-    def pick(self, wanted: bool) -> None:
-        """Whether clicks on the floor are to be told."""
-        if wanted != self._picking:
-            self._picking = wanted
-            if self.page is not None:
-                self.page.put("clicks", viser_wire.clicks(wanted))
+    def set_picking(self, wanted: bool) -> None:
+        """Whether clicks on the floor are reported to the control."""
+        if wanted != self._is_picking:
+            self._is_picking = wanted
+            if self._page is not None:
+                self._page.put("clicks", viser_internals.click_frame(wanted))
 
-    def reported(self, page: Page, report: Report) -> None:
-        """A page of it says where its camera stands."""
-        if self.page is page:
-            self._put(self.eye.reported(report, time.monotonic()))
-            self._tell()
+    def camera_reported(self, page: PageQueue, report: CameraReport) -> None:
+        """A page reports where its camera stands."""
+        if self._page is page:
+            self._move_camera(self._camera.reported(report, time.monotonic()))
+            self._report_view()
 
-    def moved(self) -> None:
-        """Its viewer has taken the camera in hand."""
-        self.eye.moved()
-        self._tell()
+    def camera_taken(self) -> None:
+        """The viewer has moved the camera by hand."""
+        self._camera.moved_by_hand()
+        self._report_view()
 
-    def clicked(self, page: Page, click: viser_wire.Click, extent: Extent, places: list[Place]) -> None:
-        """A page of it tells of a click."""
-        if self.page is not page or self.control is None or not self._picking:
+    def clicked(self, page: PageQueue, click: viser_internals.Click, extent: Extent, places: list[Place]) -> None:
+        """A page reports a click."""
+        if self._page is not page or self._control is None or not self._is_picking:
             return
-        if (point := picking.on_floor(click, extent)) is not None:
+        if (point := picking.floor_point(click, extent)) is not None:
             x, y = (round(value, 3) for value in point)
-            self.control.put("picked", {"picked": {"x": x, "y": y, "place": picking.place_at(point, places)}})
+            self._control.put("picked", {"picked": {"x": x, "y": y, "place": picking.place_at(point, places)}})
 
-    def look_at(self, extent: Extent) -> None:
-        """The map is another one."""
-        self._put(self.eye.look_at(extent))
-        self._tell()
+    def map_changed(self, extent: Extent) -> None:
+        """The map covers `extent` from now on."""
+        self._move_camera(self._camera.map_changed(extent))
+        self._report_view()
 
-    def robot_at(self, pose: Pose, now: float) -> None:
-        """The robot is there now."""
-        self._put(self.eye.robot_at(pose, now))
+    def robot_moved(self, pose: Pose, now: float) -> None:
+        """The robot is at `pose`."""
+        self._move_camera(self._camera.robot_moved(pose, now))
 
-    def _put(self, view: View | None) -> None:
-        if view is not None and self.page is not None:
-            self.page.put("camera", viser_wire.camera(view))
+    def _move_camera(self, view: View | None) -> None:
+        if view is not None and self._page is not None:
+            self._page.put("camera", viser_internals.camera_frame(view.position, view.look_at))
 
-    def _tell(self) -> None:
-        if self.control is not None and self._said != self.eye.view:
-            self._said = self.eye.view
-            self.control.put("view", {"view": self.eye.view})
+    def _report_view(self) -> None:
+        if self._control is not None and self._reported_view != self._camera.view:
+            self._reported_view = self._camera.view
+            self._control.put("view", {"view": self._camera.view})
 
 
 class Viewers:
-    """All of them, and what they look at."""
+    """All viewers, and the map and the robot that they look at."""
 
     def __init__(self) -> None:
-        self._by_key: dict[Key, Viewer] = {}
-        self._in_use: dict[Key, int] = {}
+        self._by_key: dict[ViewerKey, Viewer] = {}
+        self._connections: dict[ViewerKey, int] = {}  # pages and controls of each viewer
         self._extent: Extent = (-5.0, -5.0, 5.0, 5.0)  # until there is a map
         self._places: list[Place] = []
         self._robot: Pose | None = None
 
     @contextmanager
-    def viewer(self, key: Key) -> Iterator[Viewer]:
-        """The viewer with that key, kept as long as anybody uses it."""
-        viewer = self._by_key.setdefault(key, Viewer(Eye(self._extent, self._robot)))
-        self._in_use[key] = self._in_use.get(key, 0) + 1
+    def viewer(self, key: ViewerKey) -> Iterator[Viewer]:
+        """The viewer with that key, kept while anything is connected for it."""
+        viewer = self._by_key.setdefault(key, Viewer(ViewerCamera(self._extent, self._robot)))
+        self._connections[key] = self._connections.get(key, 0) + 1
         try:
             yield viewer
         finally:
-            self._in_use[key] -= 1
-            if not self._in_use[key]:
-                del self._in_use[key], self._by_key[key]
+            self._connections[key] -= 1
+            if not self._connections[key]:
+                del self._connections[key], self._by_key[key]
 
-    def moved(self, key: Key) -> None:
-        """The viewer with that key, if there is one, has taken the camera in hand."""
+    def camera_taken(self, key: ViewerKey) -> None:
+        """The viewer with that key has moved the camera by hand; nothing happens where there is no such viewer."""
         if (viewer := self._by_key.get(key)) is not None:
-            viewer.moved()
+            viewer.camera_taken()
 
-    def clicked(self, viewer: Viewer, page: Page, click: viser_wire.Click) -> None:
-        """A viewer's page tells of a click."""
+    def clicked(self, viewer: Viewer, page: PageQueue, click: viser_internals.Click) -> None:
+        """A viewer's page reports a click."""
         viewer.clicked(page, click, self._extent, self._places)
 
-    def look_at(self, extent: Extent, places: list[Place]) -> None:
-        """The map is this one from now on."""
+    def map_changed(self, extent: Extent, places: list[Place]) -> None:
+        """The map covers `extent` and has these places from now on."""
         self._extent, self._places = extent, places
         for viewer in self._by_key.values():
-            viewer.look_at(extent)
+            viewer.map_changed(extent)
 
-    def robot_at(self, pose: Pose) -> None:
-        """The robot is there now."""
+    def robot_moved(self, pose: Pose) -> None:
+        """The robot is at `pose`."""
         self._robot, now = pose, time.monotonic()
         for viewer in self._by_key.values():
-            viewer.robot_at(pose, now)
+            viewer.robot_moved(pose, now)
