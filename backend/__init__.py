@@ -1,7 +1,7 @@
-"""robot-acp: a robot's LLM agent, reached by people through ACP and reaching the robot through MCP.
+"""robot-acp: a robot's LLM agent. People reach it through ACP, and it reaches the robot through MCP.
 
-Three layers, `bridge`, `agent` and `mcp_robot`, run as processes of their own and never import each other.
-They share only the small modules of this folder: `config`, `identity`, `wire` and `telemetry`.
+Three layers, `bridge`, `agent` and `mcp_robot`, run as processes of their own and never import each other. They share
+only the modules of this folder, such as `config`, `identity`, `wire` and `telemetry`.
 """
 
 __version__ = "0.1.0"

@@ -1,5 +1,7 @@
-"""The `robot-acp` command: one short function for each subcommand. Imports of the layers stay inside them, so that a
-command starts only what it needs.
+"""The `robot-acp` command: its arguments, and one short function for each subcommand.
+
+Imports are made where they are needed, so that a command loads nothing else: `--help` takes a fraction of a second, and
+`robot-acp bridge` never loads the agent.
 """
 
 from __future__ import annotations
@@ -17,10 +19,11 @@ from datetime import UTC, datetime, tzinfo
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from backend import __version__, config, tokens
+from backend import __version__
 from backend.identity import Role
 
 if TYPE_CHECKING:
+    from backend import config, tokens
     from backend.gateway.remote import Address
 
 MAX_NAME_CHARS = 60
@@ -28,8 +31,10 @@ LISTEN_PORT = 9200
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command; the exit status is 2 for settings or arguments that cannot be used."""
+    """Run a command and return its exit status: 2 for settings or arguments that cannot be used."""
     options = _parser().parse_args(arguments)
+    from backend import config, tokens  # after the parser, so that `--help` does not wait for them
+
     try:
         settings = config.load(options.config, **_flags(options))
         _log_to_stderr(settings.log_level)
@@ -144,6 +149,8 @@ def _name(text: str) -> str:
 
 
 def _lifetime(text: str) -> float:
+    from backend import tokens
+
     try:
         return tokens.lifetime(text)
     except ValueError as error:
@@ -169,9 +176,9 @@ def _robot_flags(parser: argparse.ArgumentParser) -> None:
 
 
 def _flags(options: argparse.Namespace) -> dict[str, Any]:
-    """The flags that were given, in the shape of the settings."""
+    """The given flags as nested dicts, in the structure of the settings."""
     is_bridge = options.run in (_up, _bridge)
-    wanted = {
+    values = {
         ("data_dir",): getattr(options, "data_dir", None),
         ("log_level",): getattr(options, "log_level", None),
         ("robot", "time_scale"): getattr(options, "time_scale", None),
@@ -184,7 +191,7 @@ def _flags(options: argparse.Namespace) -> dict[str, Any]:
         ("bridge", "port"): getattr(options, "port", None) if is_bridge else None,
     }
     flags: dict[str, Any] = {}
-    for path, value in wanted.items():
+    for path, value in values.items():
         if value is not None:
             section = flags
             for name in path[:-1]:
@@ -251,10 +258,11 @@ def _connect(settings: config.Settings, options: argparse.Namespace) -> int:
 
 
 def _listen(settings: config.Settings, options: argparse.Namespace) -> int:
+    from backend.config import ConfigError
     from backend.gateway.listen import serve
 
     if not 0 <= options.port <= 65535:
-        raise config.ConfigError(f"--port: {options.port} is no port.")
+        raise ConfigError(f"--port: {options.port} is no port.")
     return _until_signal(serve(_remote(settings, options), options.port))
 
 
@@ -266,26 +274,30 @@ def _remote(settings: config.Settings, options: argparse.Namespace) -> Address:
 
 
 def _token_create(settings: config.Settings, options: argparse.Namespace) -> int:
+    from backend import tokens
+
     print(tokens.create(settings.data_dir, options.name, Role(options.role), options.expires))
     return 0
 
 
 def _token_list(settings: config.Settings, options: argparse.Namespace) -> int:
+    from backend import tokens
+
     records = tokens.records(settings.data_dir)
     if options.json:
-        print(json.dumps([_about(record, "seconds", UTC) for record in records], indent=2, ensure_ascii=False))
+        print(json.dumps([_columns(record, "seconds", UTC) for record in records], indent=2, ensure_ascii=False))
     elif not records:
         print("There are no login tokens yet. `robot-acp token create` makes one.")
     else:
-        rows = [_about(record, "minutes") for record in records]
+        rows = [_columns(record, "minutes") for record in records]
         widths = {column: max(len(column), *(len(row[column]) for row in rows)) for column in rows[0]}
         for row in ({column: column.upper() for column in widths}, *rows):
             print("  ".join(row[column].ljust(width) for column, width in widths.items()).rstrip())
     return 0
 
 
-def _about(record: tokens.Record, precision: str, zone: tzinfo | None = None) -> dict[str, str]:
-    """A token as `token list` shows it, with times of `zone`, or of this computer."""
+def _columns(record: tokens.Record, precision: str, zone: tzinfo | None = None) -> dict[str, str]:
+    """A token as `token list` shows it, with times in `zone`; None is the time zone of this computer."""
     created, expires = (
         datetime.fromtimestamp(when, zone).isoformat(" " if zone is None else "T", precision)
         for when in (record.created, record.expires)
@@ -295,6 +307,8 @@ def _about(record: tokens.Record, precision: str, zone: tzinfo | None = None) ->
 
 
 def _token_revoke(settings: config.Settings, options: argparse.Namespace) -> int:
+    from backend import tokens
+
     revoked = tokens.revoke(settings.data_dir, options.id_or_name)
     for record in revoked:
         print(f"Revoked {record.id} of {record.name} ({record.role.value}).")
@@ -318,7 +332,7 @@ def _sessions_export(settings: config.Settings, options: argparse.Namespace) -> 
 
 
 def _until_signal(work: Coroutine[Any, Any, int | None]) -> int:
-    """Run until the work ends, or SIGINT or SIGTERM cancels it: everything is closed in order either way."""
+    """Run `work` until it ends, or until SIGINT or SIGTERM cancels it. Either way it closes what it has opened."""
 
     async def run() -> int:
         task = asyncio.ensure_future(work)
@@ -336,8 +350,8 @@ def _log_to_stderr(level: str) -> None:
     logging.basicConfig(
         level=level.upper(), stream=sys.stderr, format="%(asctime)s %(levelname)-7s %(name)s: %(message)s"
     )
-    for noisy in ("httpx", "httpx2", "httpcore", "httpcore2", "mcp", "websockets", "LiteLLM"):
-        logging.getLogger(noisy).setLevel(max(logging.WARNING, logging.getLogger().level))
+    for name in ("httpx", "httpx2", "httpcore", "httpcore2", "mcp", "websockets", "LiteLLM"):
+        logging.getLogger(name).setLevel(max(logging.WARNING, logging.getLogger().level))
 
 
 if __name__ == "__main__":

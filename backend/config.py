@@ -1,7 +1,7 @@
-"""Settings: one commented `robot.toml`, overridden by `ROBOT_ACP_*` variables, then by command-line flags.
+"""Settings: one commented `robot.toml`, overridden by `ROBOT_ACP_*` variables, which command-line flags override.
 
-Nested names use two underscores: `ROBOT_ACP_AGENT__MODEL=…` is `model` under `[agent]`. An unknown name is an
-error, never ignored: a typing mistake in a speed limit must not pass.
+Nested names use two underscores: `ROBOT_ACP_AGENT__MODEL=…` is `model` under `[agent]`. An unknown name is an error and
+must never be ignored: a typing mistake in a speed limit must not pass.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Decision = Literal["allow", "ask", "deny"]
 
 
 class ConfigError(Exception):
-    """A setting is wrong; the text names it, says what is wrong and where it was read."""
+    """A setting is invalid; the text names it, and says what is wrong and where it was read."""
 
 
 class _Section(BaseModel):
@@ -31,33 +31,39 @@ class _Section(BaseModel):
 
 
 class Limits(_Section):
-    """What the robot may do at most; SI units."""
+    """Limits of what the robot does, in SI units. The robot server enforces them, whoever asks."""
 
     max_speed: float = Field(0.6, gt=0, le=3)
     max_turn_rate: float = Field(1.2, gt=0, le=4)
     max_acceleration: float = Field(0.8, gt=0, le=5)
     max_turn_acceleration: float = Field(2.5, gt=0, le=10)
-    braking: float = Field(4.0, gt=0, le=10, description="deceleration when it has to stop, m/s^2")
-    battery_floor: float = Field(0.10, ge=0, lt=1, description="refuse motion below, except to a dock")
+    braking: float = Field(4.0, gt=0, le=10, description="deceleration of a protective stop, m/s^2")
+    battery_floor: float = Field(
+        0.10, ge=0, lt=1, description="charge (0 to 1) below which the robot drives only to a dock"
+    )
     max_speech_chars: int = Field(400, gt=0, le=4000)
     max_motions_per_minute: int = Field(30, gt=0, le=6000)
     max_speeches_per_minute: int = Field(20, gt=0, le=6000)
     pose_timeout: float = Field(
-        1.0, gt=0, le=10, description="seconds; a moving robot with an older pose or scan halts"
+        1.0, gt=0, le=10, description="seconds; a robot that moves with an older pose or scan halts"
     )
-    client_silence: float = Field(2.0, ge=0.5, le=30, description="seconds without a sign of life; then it halts")
-    unheard_motion: float = Field(60.0, ge=0, le=3600, description="seconds of motion for a client that gives no sign")
+    client_silence: float = Field(
+        2.0, ge=0.5, le=30, description="seconds without a sign of life from the client that moves it; then it halts"
+    )
+    unheard_motion: float = Field(
+        60.0, ge=0, le=3600, description="seconds of motion for a client whose protocol has no sign of life"
+    )
 
 
 class KeepOut(_Section):
-    """A zone that the robot's footprint must not touch, in the map frame."""
+    """A keep-out zone, which the robot's footprint must not touch; corners in m of the map frame."""
 
     name: str = Field(min_length=1, max_length=80)
     polygon: list[tuple[FiniteFloat, FiniteFloat]] = Field(min_length=3, max_length=1000)
 
 
 class Simulator(_Section):
-    """How the simulated robot begins, and what makes it less than ideal: all off by default, drawn from the seed."""
+    """The simulated robot's start and its imperfections, which are random from the seed and off by default."""
 
     people: int = Field(0, ge=0, le=50, description="people who walk about")
     closed_doors: list[str] = Field([], description="ids of doors of the world that are closed at the start")
@@ -69,13 +75,13 @@ class Simulator(_Section):
 
 
 class Ros2(_Section):
-    """How a ROS 2 robot is reached: its topics, actions and frames. An empty topic is one that it does not have."""
+    """The topics, actions and frames of a ROS 2 robot. The name of a topic that the robot does not have is empty."""
 
-    distro: Literal["humble", "jazzy", "kilted"] = Field("kilted", description="what the robot runs")
+    distro: Literal["humble", "jazzy", "kilted"] = Field("kilted", description="the ROS 2 distribution of the robot")
     domain_id: int | None = Field(None, ge=0, le=232, description="default: ROS_DOMAIN_ID, else 0")
     demo: bool = Field(False, description="start a stand-in for the robot: the simulator behind ROS nodes")
     use_sim_time: bool = False
-    places: str = Field("", description="path of a places.yaml; empty: the robot knows no names")
+    places: str = Field("", description="path of a places.yaml; empty: no place has a name")
     footprint_radius: float = Field(0.25, gt=0, le=5, description="circle that encloses the robot, m")
     map_frame: str = Field("map", min_length=1)
     base_frame: str = Field("base_link", min_length=1)
@@ -83,11 +89,11 @@ class Ros2(_Section):
     amcl_pose: str = Field("amcl_pose", description="geometry_msgs/PoseWithCovarianceStamped")
     odom: str = Field("odom", min_length=1, description="nav_msgs/Odometry")
     scan: str = Field("scan", description="sensor_msgs/LaserScan")
-    plan: str = Field("plan", description="nav_msgs/Path: the way that is being driven")
+    plan: str = Field("plan", description="nav_msgs/Path: the path that is being driven")
     battery: str = Field("battery_state", description="sensor_msgs/BatteryState")
     image: str = Field("camera/image_raw/compressed", description="a picture of the front camera")
     image_type: Literal["compressed", "raw"] = "compressed"
-    speech: str = Field("speech", description="std_msgs/String: what the robot is to say aloud")
+    speech: str = Field("speech", description="std_msgs/String: what the robot has to say aloud")
     speech_action: str = Field("", description="an action that says it instead; empty: the topic")
     speech_action_type: str = Field("audio_common_msgs/action/TTS", pattern=r"^\w+/action/\w+$")
     speech_action_field: str = Field("text", min_length=1, description="the field of its goal that holds the text")
@@ -105,7 +111,7 @@ class Ros2(_Section):
 
     @property
     def stamped(self) -> bool:
-        """Whether velocities are TwistStamped."""
+        """Whether velocities are sent as TwistStamped."""
         return self.distro == "kilted" if self.cmd_vel_stamped is None else self.cmd_vel_stamped
 
 
@@ -120,7 +126,7 @@ class Robot(_Section):
     world: str = Field("office", description="a built-in world, or the path of a map.yaml or the folder with one")
     time_scale: float = Field(1.0, gt=0, le=100)
     seed: int = Field(0, ge=0)
-    keep_out: list[KeepOut] = Field([], description="further zones than those of the world's keep_out.yaml")
+    keep_out: list[KeepOut] = Field([], description="zones in addition to those of the world's keep_out.yaml")
     limits: Limits = Limits()
     simulator: Simulator = Simulator()
     ros2: Ros2 = Ros2()
@@ -140,14 +146,22 @@ class Agent(_Section):
     trust_loopback: bool = True
     default_mode: str = "supervised"
     permission_timeout: float = Field(60.0, gt=0, description="seconds; no answer in time is a refusal")
-    thought_timeout: float = Field(5.0, gt=0, description="seconds that acting waits for the first thought")
+    thought_timeout: float = Field(
+        5.0, gt=0, description="seconds that the first action waits for the preliminary thought"
+    )
     max_steps: int = Field(40, gt=0, description="inferences a turn")
-    preview: bool = Field(True, description="before people are asked, a drive's path is computed and drawn")
-    pose_tool: str = Field("get_current_pose", description="tool that tells where a session started")
-    places_tool: str = Field("get_topological_map", description="tool that tells the places that a kiosk suggests")
-    unattended_after: float = Field(45.0, ge=0, description="seconds without anybody who may operate; 0 is never")
-    max_outbox_bytes: int = Field(64 * 1024 * 1024, ge=1024 * 1024, description="what may wait for a slow client")
-    four_eyes: list[str] = Field([], description="tools that somebody else than the asker must approve")
+    preview: bool = Field(True, description="before people are asked about a drive, its path is computed and drawn")
+    pose_tool: str = Field("get_current_pose", description="the tool that returns where a session started")
+    places_tool: str = Field(
+        "get_topological_map", description="the tool that returns the places that a kiosk suggests"
+    )
+    unattended_after: float = Field(
+        45.0, ge=0, description="seconds without anybody who may operate the robot; then it halts (0: never)"
+    )
+    max_outbox_bytes: int = Field(
+        64 * 1024 * 1024, ge=1024 * 1024, description="a client that leaves more than this unread is disconnected"
+    )
+    four_eyes: list[str] = Field([], description="tools that somebody other than the person who asked must approve")
     mcp_allow: list[str] = Field([], description="MCP servers that a supervisor's client may bring: URL prefixes")
     policy: dict[str, dict[str, Decision]] = Field({}, description="mode -> tool -> allow, ask or deny")
     visitors: dict[str, Decision] = Field({}, description="tool -> what a visitor's prompt may do at most")
@@ -186,7 +200,7 @@ class Settings(BaseSettings):
         dotenv_settings: PydanticBaseSettingsSource,
         file_secret_settings: PydanticBaseSettingsSource,
     ) -> tuple[PydanticBaseSettingsSource, ...]:
-        """Flags first, then variables, then the file."""
+        """The sources by precedence: flags, then variables, then the file."""
         return init_settings, env_settings, TomlConfigSettingsSource(settings_cls, cls.toml_file)
 
     @property
@@ -196,12 +210,12 @@ class Settings(BaseSettings):
 
     @property
     def robot_mcp_url(self) -> str:
-        """Where the agent finds the robot's tools."""
+        """The MCP URL of the robot's tools."""
         return self.agent.robot_url or f"http://{self.robot.host}:{self.robot.port}/mcp"
 
     @property
     def agent_address(self) -> str:
-        """Where the bridge finds the agent: `tcp://HOST:PORT` or `stdio:COMMAND`."""
+        """The address at which the bridge reaches the agent: `tcp://HOST:PORT` or `stdio:COMMAND`."""
         return self.bridge.agent or f"tcp://{self.agent.host}:{self.agent.port}"
 
     @property
@@ -216,10 +230,10 @@ def _default_data_dir() -> Path:
 
 
 def load(file: Path | None = None, **flags: Any) -> Settings:
-    """Read the settings. `flags` override all else, as nested dicts: `load(robot={"time_scale": 5})`.
+    """Read the settings. `flags` are nested dicts that override all else: `load(robot={"time_scale": 5})`.
 
-    Without `file`, `ROBOT_ACP_CONFIG` names it, or `robot.toml` of the current folder is read where it exists.
-    Raises `ConfigError`.
+    Without `file`, the file that `ROBOT_ACP_CONFIG` names is read, else `robot.toml` in the current folder where it
+    exists. Raises `ConfigError`.
     """
     named = file or (Path(os.environ["ROBOT_ACP_CONFIG"]) if "ROBOT_ACP_CONFIG" in os.environ else None)
     path = named or DEFAULT_FILE

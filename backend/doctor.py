@@ -1,6 +1,6 @@
-"""`robot-acp doctor`: what of all this works on this machine, what is missing, and what to do about it.
+"""`robot-acp doctor`: checks what works on this machine, what is missing, and what to do about it.
 
-It only looks: it makes no key, starts no server and moves no robot. The exit status is 0 when nothing is missing.
+It changes nothing: it must make no key, start no server and move no robot.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ OLDEST, NEWEST = (3, 11), (3, 13)
 
 
 async def run(settings: Settings) -> int:
-    """Print one line for each finding; the exit status."""
-    findings = [*_here(settings), *await _processes(settings)]
+    """Print one line for each finding, and return the exit status: 0 when nothing is missing."""
+    findings = [*_machine(settings), *await _processes(settings)]
     for finding in findings:
         print(finding)
     if settings.robot.kind == "ros2":
@@ -31,16 +31,16 @@ async def run(settings: Settings) -> int:
             findings.append(finding)
             print(finding, flush=True)
     missing = sum(not finding.ok for finding in findings)
-    print(f"\n{len(findings)} things looked at, {missing or 'none'} missing.")
+    print(f"\n{len(findings)} checks, {missing or 'none'} missing.")
     return 1 if missing else 0
 
 
-def _here(settings: Settings) -> Iterator[Finding]:
+def _machine(settings: Settings) -> Iterator[Finding]:
     version = ".".join(map(str, sys.version_info[:3]))
     fits = OLDEST <= sys.version_info[:2] <= NEWEST
     yield (good if fits else bad)("Python", version, "Use Python 3.11, 3.12 or 3.13.")
     kind = settings.robot.kind + (", a stand-in" if settings.robot.kind == "ros2" and settings.robot.ros2.demo else "")
-    yield good("settings", f"they can be read; the robot is {settings.robot.name} ({kind})")
+    yield good("settings", f"they are valid; the robot is {settings.robot.name} ({kind})")
     folder = settings.data_dir
     nearest = next(place for place in (folder, *folder.parents) if place.exists())
     if nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK):
@@ -50,7 +50,7 @@ def _here(settings: Settings) -> Iterator[Finding]:
 
 
 async def _processes(settings: Settings) -> list[Finding]:
-    """The three addresses: ours answer, nobody has them, or somebody else does."""
+    """Whether each of the three addresses answers as expected, is free, or is used by another program."""
     found = []
     async with httpx.AsyncClient(trust_env=False, timeout=2.0) as client:
         for name, path in (("robot", "/health"), ("agent", None), ("bridge", "/api/health")):

@@ -1,4 +1,4 @@
-"""What an examination finds: one line each, good or bad, and what to do about the bad ones."""
+"""The findings of `robot-acp doctor`: one line each, and advice where something is missing."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Finding:
-    """`advice` is what to do where `ok` is false."""
+    """One checked item: `what` was found, and what to do (`advice`) where `ok` is false."""
 
     name: str
     ok: bool
@@ -20,10 +20,10 @@ class Finding:
 
 
 def good(name: str, what: str, _advice: str = "") -> Finding:
-    """Something works."""
+    """A finding about something that works."""
     return Finding(name, True, what)
 
 
 def bad(name: str, what: str, advice: str) -> Finding:
-    """Something does not."""
+    """A finding about something that is missing or does not work."""
     return Finding(name, False, what, advice)

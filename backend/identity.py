@@ -1,7 +1,7 @@
-"""Who someone is and what they may do: signed tokens and the roles they carry.
+"""Identities and roles: who somebody is, by a signed token, and what the role in it may do.
 
-A token is a JWT signed with a key that the processes share through the data folder. This is the only place
-that issues or verifies one, and the only place that says what a role may do. Keys and tokens are never logged.
+A token is a JWT (RFC 7519) signed with a key that the processes share through the data folder. No other file may issue
+or verify a token, or decide what a role may do. Keys and tokens are never logged.
 """
 
 from __future__ import annotations
@@ -14,8 +14,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-import jwt
-
 _ALGORITHM = "HS256"
 _AUDIENCE = "robot-acp"
 SIGNING_KEY = "signing.key"
@@ -23,7 +21,7 @@ ROBOT_TOKEN = "robot.token"  # noqa: S105 - the name of a file
 
 
 class Role(StrEnum):
-    """What kind of person (or device) this is, from the least to the most trusted."""
+    """The role of a person or device, from the least to the most trusted."""
 
     VIEWER = "viewer"
     VISITOR = "visitor"
@@ -32,14 +30,14 @@ class Role(StrEnum):
 
 
 class Right(StrEnum):
-    """What someone may do beyond watching and stopping, which everybody may."""
+    """What a role may do. Watching and stopping the robot need no right: everybody who is logged in may do so."""
 
     PROMPT = "prompt"
     APPROVE = "approve"
-    CONFIGURE = "configure"  # mode, model and settings of a session
-    RELEASE = "release"  # a latched stop
-    TAKE_OVER = "take_over"  # the robot, and other people's sessions
-    OFFER_SERVERS = "offer_servers"  # MCP servers of one's own, to a session
+    CONFIGURE = "configure"  # change mode, model and settings of a session
+    RELEASE = "release"  # release a latched stop
+    TAKE_OVER = "take_over"  # take over the robot, and other people's sessions
+    OFFER_SERVERS = "offer_servers"  # bring MCP servers to a session
 
 
 _RIGHTS: dict[Role, frozenset[Right]] = {
@@ -51,12 +49,12 @@ _RIGHTS: dict[Role, frozenset[Right]] = {
 
 
 class InvalidToken(Exception):
-    """The token proves nothing; the text says why, in words for the person who presented it."""
+    """The token proves no identity; the text tells the person who presented it why."""
 
 
 @dataclass(frozen=True)
 class Identity:
-    """A person or device. `expires` is in Unix seconds; None for one that was not proved by a token."""
+    """A person or device. `token_id` and `expires` (Unix seconds) are those of its token, None where there is none."""
 
     name: str
     role: Role
@@ -65,7 +63,7 @@ class Identity:
 
     @property
     def expired(self) -> bool:
-        """Whether the token's time is over."""
+        """Whether the token has expired."""
         return self.expires is not None and time.time() >= self.expires
 
     def may(self, right: Right) -> bool:
@@ -74,7 +72,12 @@ class Identity:
 
 
 def issue(key: bytes, name: str, role: Role, lifetime_s: float, token_id: str | None = None) -> str:
-    """A signed token for `name` in `role`, valid from now for `lifetime_s` seconds; `tokens.create` records it, too."""
+    """A signed token for `name` in `role`, valid for `lifetime_s` seconds.
+
+    It is refused unless it is in the list of tokens: `tokens.create` issues one and records it.
+    """
+    import jwt  # it loads cryptography, which most commands do not need
+
     now = time.time()
     claims = {
         "aud": _AUDIENCE,
@@ -88,7 +91,9 @@ def issue(key: bytes, name: str, role: Role, lifetime_s: float, token_id: str | 
 
 
 def verify(key: bytes, token: str) -> Identity:
-    """Who the token stands for. Raises `InvalidToken` when it is malformed, forged, foreign or expired."""
+    """The identity that a token proves. Raises `InvalidToken` when it is malformed, forged, foreign or expired."""
+    import jwt  # see issue
+
     try:
         claims = jwt.decode(
             token,
@@ -110,10 +115,10 @@ def verify(key: bytes, token: str) -> Identity:
 
 
 def shared_secret(data_dir: Path, name: str) -> bytes:
-    """The secret `name` of the data folder, made on first use, readable by its owner alone.
+    """The secret `name` of the data folder. It is made on first use and readable by its owner alone.
 
-    Processes that start at the same moment agree on one: the file is linked into place whole, and the
-    first one wins.
+    Processes that start at the same moment agree on one secret: each links its complete draft into place, and only the
+    first link succeeds.
     """
     path = data_dir / name
     try:

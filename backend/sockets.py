@@ -1,4 +1,4 @@
-"""What the servers ask of TCP. Nothing here sends or reads, and nothing here fails for what a system does not have."""
+"""TCP options of the servers' sockets. An option that a system does not have is left out without an error."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import socket
 
 
 def notice_loss(plug: socket.socket, seconds: float, every: int = 1) -> None:
-    """Let the kernel break a connection whose other machine is gone, after about so many seconds.
+    """Let the kernel end a connection about `seconds` after its other machine was lost.
 
-    Connections that a listener accepts inherit this. Without it a pulled cable is noticed after a quarter of an hour,
-    or never. A silent peer is probed `every` so many seconds.
+    A silent peer is probed `every` so many seconds. Connections that a listening socket accepts inherit these options.
+    Without them a pulled cable is noticed after a quarter of an hour, or never.
     """
     plug.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     for name, value in (

@@ -1,8 +1,8 @@
-"""Which login tokens were given out and which of them were revoked: one small file of the data folder.
+"""The list of login tokens: which were issued, and which were revoked. It is one small file in the data folder.
 
-A token counts only while this list says so: one that is not in it is refused, so deleting the file logs everyone
-out and lets nobody back in. The file names people and never holds a token. It is replaced as a whole, under a lock, so
-that readers need none and always see all of it.
+A token is valid only while this list contains it, so deleting the file logs everybody out and makes no revoked token
+valid again. The file names people and must never contain a token. Writers replace it as a whole under a lock, so
+readers need no lock and never see half of it.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from backend import identity
 from backend.identity import Identity, InvalidToken, Role
 
 REGISTRY = "tokens.json"
-WATCH_S = 0.5
-"""How often a process looks whether the list has changed, and whether a login has expired."""
+CHECK_INTERVAL_S = 0.5
+"""How often a process checks whether the list has changed, and whether a login has expired."""
 LONGEST_S = 3650 * 86400.0
 _KEPT_S = 30 * 86400.0
-"""How long the list remembers an expired token, for people who ask what became of it."""
+"""How long the list keeps an expired token, for people who ask what happened to it."""
 
 _UNIT_S = {"m": 60, "h": 3600, "d": 86400}
 
@@ -38,11 +38,11 @@ log = logging.getLogger(__name__)
 
 
 class RegistryError(Exception):
-    """The list cannot be read or written, or does not have what was asked for; the text says what to do."""
+    """The list cannot be read or written, or lacks the requested token; the text says what to do."""
 
 
 class Record(msgspec.Struct, frozen=True):
-    """What is known of one token. Times are Unix seconds; `revoked` is None for one that was not."""
+    """One token of the list. Times are Unix seconds; `revoked` is when it was revoked, None where it was not."""
 
     id: str
     name: str
@@ -53,16 +53,16 @@ class Record(msgspec.Struct, frozen=True):
 
     @property
     def state(self) -> Literal["valid", "expired", "revoked"]:
-        """Whether it lets anyone in."""
+        """Whether the token can be used."""
         if self.revoked is not None:
             return "revoked"
         return "expired" if time.time() >= self.expires else "valid"
 
 
 def lifetime(text: str) -> float:
-    """The seconds from now that `30m`, `12h`, `7d`, or a date (to its end, local time) stands for.
+    """The seconds that `30m`, `12h` or `7d` means, or those until the end of a date such as `2027-01-31` (local time).
 
-    Raises `ValueError` with a sentence.
+    Raises `ValueError` with a sentence for the person who wrote it.
     """
     if match := re.fullmatch(r"([0-9]{1,9})([mhd])", text):
         seconds = float(match[1]) * _UNIT_S[match[2]]
@@ -82,7 +82,7 @@ def lifetime(text: str) -> float:
 
 
 def create(data_dir: Path, name: str, role: Role, lifetime_s: float) -> str:
-    """A new login token, recorded before anybody gets it. Raises `RegistryError`."""
+    """Record and return a new login token. Raises `RegistryError`."""
     key = identity.shared_secret(data_dir, identity.SIGNING_KEY)
     now = time.time()
     record = Record(secrets.token_hex(6), name, role, now, now + lifetime_s)
@@ -104,9 +104,9 @@ def records(data_dir: Path) -> list[Record]:
 
 
 def revoke(data_dir: Path, id_or_name: str) -> list[Record]:
-    """Revoke the token of this id, or all tokens of this name; those that were valid until now, as they are after it.
+    """Revoke the token with this id, or all tokens with this name. Returns those that were valid until now.
 
-    Raises `RegistryError` when there is none.
+    Raises `RegistryError` when no token has this id or name.
     """
     if not data_dir.is_dir():
         raise RegistryError(_unknown(id_or_name, []))
@@ -123,31 +123,31 @@ def revoke(data_dir: Path, id_or_name: str) -> list[Record]:
 
 
 class Registry:
-    """What a serving process knows of the list. It looks again for each new login, and twice a second in `run`.
+    """The list as a server process has read it. It reads a changed list at each new login, and twice a second in `run`.
 
-    While the list cannot be read, nobody new is let in, and those who are in stay.
+    While the list cannot be read, no new login is accepted, and the accepted ones remain valid.
     """
 
     def __init__(self, data_dir: Path) -> None:
         self._path = data_dir / REGISTRY
         self._key = identity.shared_secret(data_dir, identity.SIGNING_KEY)
         self._records: dict[str, Record] = {}
-        self._stamp: tuple[int, ...] | None = None  # of the file that `_records` come from; None before
-        self._trouble: str | None = None  # set while the list cannot be read
+        self._version: tuple[int, ...] | None = None  # of the file that was read last; None before
+        self._error: str | None = None  # why the list cannot be read; None while it can
         self._waiting: dict[asyncio.Future[str], Callable[[], Identity | None]] = {}
 
     def verify(self, token: str, *, to_stop: bool = False) -> Identity:
-        """Whom a token stands for. Raises `InvalidToken`, and `RegistryError` while nobody can be let in.
+        """The identity that a token proves. Raises `InvalidToken`, and `RegistryError` while the list cannot be read.
 
-        `to_stop` is for the one request that must not fail for a broken list: then everyone may stop the robot whose
-        token is genuine and not known to be revoked.
+        `to_stop` is for requests that stop the robot, which must not fail because the list cannot be read: they are
+        accepted with every genuine token that is not known to be revoked.
         """
         who = identity.verify(self._key, token)
-        self._look()
+        self._reload()
         record = self._records.get(who.token_id or "")
         if record is not None and record.revoked is not None:
             raise InvalidToken("This login token was revoked. Ask for a new one.")
-        if self._trouble is not None:
+        if self._error is not None:
             if to_stop:
                 return who
             raise RegistryError(
@@ -158,12 +158,12 @@ class Registry:
         return who
 
     def ended(self, who: Identity | None) -> str | None:
-        """Why a login that was let in is over, in words for that person; None while it holds."""
-        self._look()
+        """Why an accepted login has ended, as a sentence for that person; None while it is valid."""
+        self._reload()
         return self._ended(who)
 
     async def until_ended(self, who: Callable[[], Identity | None]) -> str:
-        """Wait until the login that `who` gives is over, and say why. `run` has to be running."""
+        """Wait until the login that `who` returns has ended, and return why. `run` has to be running."""
         ended: asyncio.Future[str] = asyncio.get_running_loop().create_future()
         self._waiting[ended] = who
         try:
@@ -172,13 +172,13 @@ class Registry:
             del self._waiting[ended]
 
     async def run(self) -> None:
-        """Watch the list and the clock for all who wait in `until_ended`."""
+        """Check the list and the clock for all callers of `until_ended`, until cancelled."""
         while True:
-            self._look()
+            self._reload()
             for ended, who in self._waiting.items():
                 if not ended.done() and (reason := self._ended(who())):
                     ended.set_result(reason)
-            await asyncio.sleep(WATCH_S)
+            await asyncio.sleep(CHECK_INTERVAL_S)
 
     def _ended(self, who: Identity | None) -> str | None:
         if who is None or who.token_id is None:
@@ -187,46 +187,46 @@ class Registry:
             return "Your login has expired. Log in again."
         record = self._records.get(who.token_id)
         if record is None:
-            return None if self._trouble else "Your login is no longer known. Ask for a new one."
+            return None if self._error else "Your login is no longer known. Ask for a new one."
         return None if record.revoked is None else "Your login was revoked. Ask for a new one."
 
-    def _look(self) -> None:
-        """Read the list if it is another file than before. A failure keeps what was known, and is logged once."""
+    def _reload(self) -> None:
+        """Read the list if the file has changed. A failure is logged once, and the records read before remain."""
         try:
             with self._path.open("rb") as file:
                 status = os.fstat(file.fileno())
-                stamp = (status.st_ino, status.st_mtime_ns, status.st_size)
-                if stamp == self._stamp and self._trouble is None:
+                version = (status.st_ino, status.st_mtime_ns, status.st_size)
+                if version == self._version and self._error is None:
                     return
                 known = _parse(file.read())
         except (OSError, ValueError) as error:
-            trouble = _cannot_read(self._path, error)
-            if trouble != self._trouble:
-                log.warning("%s", trouble)
-            self._trouble = trouble
+            error_text = _cannot_read(self._path, error)
+            if error_text != self._error:
+                log.warning("%s", error_text)
+            self._error = error_text
             return
-        if self._trouble is not None:
+        if self._error is not None:
             log.info("the list of login tokens can be read again")
         self._records = {record.id: record for record in known}
-        self._stamp, self._trouble = stamp, None
+        self._version, self._error = version, None
 
 
 @contextmanager
 def _locked(data_dir: Path) -> Iterator[None]:
-    """One writer at a time; the folder itself is the lock, and a process that dies leaves it open."""
+    """Allow one writer at a time. The lock is on the folder; the system releases it when its process dies."""
     folder = os.open(data_dir, os.O_RDONLY)
     try:
         fcntl.flock(folder, fcntl.LOCK_EX)
         yield
-        os.fsync(folder)  # a revocation must outlive a power failure
+        os.fsync(folder)  # a revocation must survive a power failure
     finally:
         os.close(folder)
 
 
 def _write(data_dir: Path, known: Sequence[Record]) -> None:
-    draft = data_dir / f".{REGISTRY}.{os.getpid()}"  # the lock is held: no other draft is being written
+    draft = data_dir / f".{REGISTRY}.{os.getpid()}"  # no other process writes one, as this one has the lock
     try:
-        draft.unlink(missing_ok=True)  # of a process that had this number and died
+        draft.unlink(missing_ok=True)  # a process with the same id may have died and left it
         descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         with os.fdopen(descriptor, "wb") as file:
             file.write(msgspec.json.format(msgspec.json.encode(known), indent=1) + b"\n")

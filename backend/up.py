@@ -1,7 +1,7 @@
-"""`robot-acp up`: the three processes on this machine, started, watched, restarted and ended together.
+"""`robot-acp up`: starts robot server, agent and bridge on this machine, restarts each that exits, and ends all three.
 
-Each is `robot-acp robot|agent|bridge` in a process of its own, so that each can be killed or replaced alone. What
-they are told goes through the environment, which is what a person would set too.
+Each is `robot-acp robot|agent|bridge` in a process of its own, so that each can be killed or replaced alone. They get
+their settings through environment variables, as a person would set them.
 """
 
 from __future__ import annotations
@@ -24,28 +24,33 @@ from backend.identity import Role
 
 log = logging.getLogger(__name__)
 
-NAMES = ("robot", "agent", "bridge")
+PROCESSES = ("robot", "agent", "bridge")
 STOP_TIMEOUT_S = 3.0
-RESTART_S = (0.2, 1.0, 3.0, 10.0)
+RESTART_PAUSES_S = (0.2, 1.0, 3.0, 10.0)
+"""Before the first, second, third and each further restart of a process."""
 STEADY_S = 30.0
+"""A process that has run for longer than this is restarted as for the first time."""
 LOGIN_DAYS = 7.0
 MISSING_AFTER_S = 10.0
-"""How long the page may answer before the greeting says what is missing."""
+"""After the bridge answers, agent and robot have this long before the greeting says that they are missing."""
 DEMO_DOMAINS = range(10, 100)
-"""ROS domains whose ports lie below those that a system gives out by itself."""
+"""ROS domains whose ports lie below the ephemeral ports of Linux."""
 
 
 async def run(settings: Settings, config_file: Path | None) -> int:
-    """Run until SIGINT or SIGTERM. Prints the address of the dashboard once it answers."""
+    """Run until SIGINT or SIGTERM, and return the exit status. Prints the dashboard's address once it answers.
+
+    Raises `ConfigError` when another program uses one of the addresses.
+    """
     _check_ports(settings)
     ending = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, ending.set)
     environment = _environment(settings, config_file)
-    names: tuple[str, ...] = NAMES
+    names: tuple[str, ...] = PROCESSES
     if settings.robot.kind == "ros2" and settings.robot.ros2.demo:
-        names = ("ros2-demo", *NAMES)
+        names = ("ros2-demo", *PROCESSES)
         environment |= _demo_domain(settings, environment)
     identity.shared_secret(settings.data_dir, identity.ROBOT_TOKEN)
     token = tokens.create(settings.data_dir, "supervisor", Role.SUPERVISOR, LOGIN_DAYS * 86400)
@@ -59,8 +64,8 @@ async def run(settings: Settings, config_file: Path | None) -> int:
 
 
 def _check_ports(settings: Settings) -> None:
-    """Raises `ConfigError` when another program has one of the three addresses."""
-    for name in NAMES:
+    """Raise `ConfigError` when another program uses one of the three addresses."""
+    for name in PROCESSES:
         where = getattr(settings, name)
         with socket.socket() as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -75,16 +80,16 @@ def _check_ports(settings: Settings) -> None:
 
 
 def _demo_domain(settings: Settings, environment: dict[str, str]) -> dict[str, str]:
-    """A ROS domain for the stand-in and the robot server alone: no other robot may take its commands for its own."""
-    told = settings.robot.ros2.domain_id
-    if told is None and not environment.get("ROS_DOMAIN_ID"):
-        told = next((domain for domain in random.sample(DEMO_DOMAINS, len(DEMO_DOMAINS)) if _is_unused(domain)), 0)
-    domain = {} if told is None else {"ROBOT_ACP_ROBOT__ROS2__DOMAIN_ID": str(told)}
+    """The variables that give the demo a ROS domain of its own, so that no other robot takes the demo's commands."""
+    chosen = settings.robot.ros2.domain_id
+    if chosen is None and not environment.get("ROS_DOMAIN_ID"):
+        chosen = next((domain for domain in random.sample(DEMO_DOMAINS, len(DEMO_DOMAINS)) if _is_unused(domain)), 0)
+    domain = {} if chosen is None else {"ROBOT_ACP_ROBOT__ROS2__DOMAIN_ID": str(chosen)}
     return domain | {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
 
 
 def _is_unused(domain: int) -> bool:
-    """Whether no ROS process of this machine is on a domain: its first participant's port is free (DDSI-RTPS 9.6)."""
+    """Whether no ROS process of this machine uses a domain: its first participant's port is free (DDSI-RTPS 9.6)."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.bind(("127.0.0.1", 7410 + 250 * domain))
@@ -94,7 +99,7 @@ def _is_unused(domain: int) -> bool:
 
 
 async def _keep(name: str, environment: dict[str, str]) -> None:
-    """Run one process, and again whenever it ends, a little later each time."""
+    """Run one process, and restart it whenever it exits, after a longer pause each time."""
     failures = 0
     while True:
         started = asyncio.get_running_loop().time()
@@ -105,7 +110,7 @@ async def _keep(name: str, environment: dict[str, str]) -> None:
             name,
             env=environment,
             stdin=asyncio.subprocess.DEVNULL,
-            start_new_session=True,  # Ctrl-C is for `up` alone, which then ends them in order
+            start_new_session=True,  # Ctrl-C reaches `up` alone, which then ends the processes itself
         )
         try:
             status = await process.wait()
@@ -114,7 +119,7 @@ async def _keep(name: str, environment: dict[str, str]) -> None:
             raise
         lived = asyncio.get_running_loop().time() - started
         failures = 0 if lived > STEADY_S else failures + 1
-        pause = RESTART_S[min(failures, len(RESTART_S)) - 1] if failures else RESTART_S[0]
+        pause = RESTART_PAUSES_S[min(failures, len(RESTART_PAUSES_S)) - 1] if failures else RESTART_PAUSES_S[0]
         log.warning("the %s process ended with status %d; starting it again in %g s", name, status, pause)
         await asyncio.sleep(pause)
 
@@ -131,7 +136,7 @@ async def _end(process: asyncio.subprocess.Process) -> None:
 
 
 async def _greet(settings: Settings, token: str) -> None:
-    """Wait for all three to answer, then say where the page is; or say which does not, once the page does."""
+    """Wait until all three answer, then print the dashboard's address; name those that are missing after a while."""
     base = f"http://{settings.bridge.host}:{settings.bridge.port}"
     loop = asyncio.get_running_loop()
     page_since: float | None = None
@@ -149,8 +154,8 @@ async def _greet(settings: Settings, token: str) -> None:
 
 
 def _environment(settings: Settings, config_file: Path | None) -> dict[str, str]:
-    """What the processes are told: the flags of `up`, as the variables that stand for them."""
-    told = {
+    """The environment of the processes: the flags of `up` as variables."""
+    variables = {
         "ROBOT_ACP_DATA_DIR": str(settings.data_dir.absolute()),
         "ROBOT_ACP_LOG_LEVEL": settings.log_level,
         "ROBOT_ACP_ROBOT__TIME_SCALE": str(settings.robot.time_scale),
@@ -161,5 +166,5 @@ def _environment(settings: Settings, config_file: Path | None) -> dict[str, str]
         "ROBOT_ACP_BRIDGE__PORT": str(settings.bridge.port),
     }
     if config_file is not None:
-        told["ROBOT_ACP_CONFIG"] = str(config_file.absolute())
-    return os.environ | told
+        variables["ROBOT_ACP_CONFIG"] = str(config_file.absolute())
+    return os.environ | variables

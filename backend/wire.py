@@ -1,7 +1,7 @@
-"""The one place where a JSON-RPC frame from outside is checked before anything trusts it.
+"""Checks JSON-RPC frames from outside. Nothing may use such a frame before it has passed `check`.
 
-Plain functions over bytes: no socket, no clock. A frame that passes is one JSON-RPC 2.0 message of bounded size
-and depth. `Frame.raw` is passed on as it came, never serialised again.
+Plain functions over bytes, without sockets or a clock. A checked frame is one JSON-RPC 2.0 message of bounded size and
+depth. `Frame.raw` is passed on as it arrived and must never be serialised again.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Kind = Literal["request", "notification", "response"]
 
 
 class BadFrame(Exception):
-    """A frame that is no JSON-RPC message; `reply` is the error to answer, None when it gets no answer."""
+    """The frame is no JSON-RPC message; `reply` is the error response to it, None where it gets no answer."""
 
     def __init__(self, code: int, message: str, request_id: RequestId = None, *, answer: bool = True) -> None:
         super().__init__(message)
@@ -42,7 +42,7 @@ class BadFrame(Exception):
 
 
 class FrameTooLarge(BadFrame):
-    """The frame exceeds the limit; it was skipped, and the stream goes on behind it."""
+    """The frame exceeds the limit. In a stream it was skipped, and the next frame can be read."""
 
     def __init__(self, limit: int) -> None:
         super().__init__(INVALID_REQUEST, f"The message is larger than {limit} bytes.")
@@ -50,7 +50,7 @@ class FrameTooLarge(BadFrame):
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A checked message: its kind, its method (requests, notifications), its id, the parsed body, the bytes."""
+    """A checked message. `method` is None for a response; `body` is the parsed object, `raw` its bytes."""
 
     kind: Kind
     method: str | None
@@ -65,16 +65,16 @@ def error_frame(request_id: RequestId, code: int, message: str) -> bytes:
 
 
 def check(raw: bytes, limit: int = MAX_FRAME_BYTES) -> Frame:
-    """Check one message. Raises `BadFrame` with the JSON-RPC error that the specification asks for."""
+    """Check one message of at most `limit` bytes. Raises `BadFrame` with the error that JSON-RPC 2.0 requires."""
     if len(raw) > limit:
         raise FrameTooLarge(limit)
     try:
         body = orjson.loads(raw)
-    except orjson.JSONDecodeError:  # orjson itself reads no deeper than 1024 levels
+    except orjson.JSONDecodeError:  # also raised for more than 1024 levels, which orjson refuses
         raise BadFrame(PARSE_ERROR, "The message is not valid JSON in UTF-8.") from None
     if not isinstance(body, dict):
         raise BadFrame(INVALID_REQUEST, "A message must be one JSON object; batches are not supported.")
-    if raw.count(b"[") + raw.count(b"{") > MAX_DEPTH and _deeper(body, MAX_DEPTH):
+    if raw.count(b"[") + raw.count(b"{") > MAX_DEPTH and is_deeper(body, MAX_DEPTH):
         raise BadFrame(INVALID_REQUEST, f"The message is nested deeper than {MAX_DEPTH} levels.")
     return _shape(body, raw)
 
@@ -103,13 +103,13 @@ def _shape(body: dict[str, Any], raw: bytes) -> Frame:
 
 
 def valid_id(value: object) -> bool:
-    """Whether JSON-RPC takes this as the id of a request."""
+    """Whether this is a valid request id: null, an integer, or a string of at most `MAX_ID_CHARS` characters."""
     if isinstance(value, bool):
         return False
     return value is None or isinstance(value, int) or (isinstance(value, str) and len(value) <= MAX_ID_CHARS)
 
 
-def _deeper(body: dict[str, Any], limit: int) -> bool:
+def is_deeper(body: dict[str, Any], limit: int) -> bool:
     """Whether objects and arrays nest deeper than `limit`, one level at a time."""
     level: list[Any] = [body]
     for _ in range(limit):
@@ -125,7 +125,7 @@ def _deeper(body: dict[str, Any], limit: int) -> bool:
 
 
 def with_identity(frame: Frame, token: str) -> bytes:
-    """An `initialize` frame with the verified token in `_meta`, and nothing else of ours that a client put there."""
+    """An `initialize` frame with the verified token in `_meta`. Other `robot-acp/` keys of the client are removed."""
     params = dict(frame.body.get("params") or {})
     meta = params.get("_meta")
     kept = {k: v for k, v in meta.items() if not k.startswith(keys.PREFIX)} if isinstance(meta, dict) else {}
@@ -136,14 +136,14 @@ def with_identity(frame: Frame, token: str) -> bytes:
 async def read_line(reader: asyncio.StreamReader, limit: int = MAX_FRAME_BYTES) -> bytes | None:
     """The next line of an NDJSON stream without its newline; None at its end. Empty lines are skipped.
 
-    A line over `limit` is skipped to its end and raises `FrameTooLarge`; the stream can be read on.
+    Raises `FrameTooLarge` for a line of more than `limit` bytes, after skipping it: the next call reads the next line.
     The reader's own limit must be at least `limit`.
     """
     while True:
         try:
             line = await reader.readuntil(b"\n")
         except asyncio.IncompleteReadError:
-            return None  # a last line without its newline was cut off: it is not a message
+            return None  # a last line without a newline is incomplete
         except asyncio.LimitOverrunError:
             await _skip_line(reader)
             raise FrameTooLarge(limit) from None

@@ -230,7 +230,7 @@ def depth(value) -> int:
 @calmly
 @given(st.dictionaries(st.text(max_size=3), JSON, max_size=5), st.integers(1, 8))
 def test_depth_is_counted_in_objects_and_arrays(body, limit):
-    assert wire._deeper(body, limit) == (depth(body) > limit)
+    assert wire.is_deeper(body, limit) == (depth(body) > limit)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The interface side: it carries ACP to browsers and other clients, and serves the web app and the scene.
+"""The bridge: it connects browsers and other clients to the agent, and serves the web app and the 3D scene.
 
-It checks frames, identity and limits, and must never interpret ACP: sessions and permissions are the agent's.
+It checks frames, logins and limits. It must never interpret ACP: sessions and permissions are the agent's business.
 """

@@ -1,4 +1,4 @@
-"""`WS /acp`: which agent a client gets, and what it is told at the end."""
+"""`WS /acp`: connects each client to the agent, and closes it with a reason."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ import uuid
 
 from starlette.websockets import WebSocket
 
-from backend.bridge.closing import LEFT, SERVICE_RESTART, TRY_AGAIN_LATER, End, close
-from backend.bridge.direct import DirectWebSocket
-from backend.bridge.login import Gate, Login
-from backend.bridge.race import first_of
+from backend.bridge.close_codes import CLIENT_LEFT, SERVICE_RESTART, TRY_AGAIN_LATER, CloseReason, close
+from backend.bridge.first_completed import first_completed
+from backend.bridge.limits import Limits
+from backend.bridge.login import Authenticator, Login
 from backend.bridge.relay import Relay
-from backend.bridge.upstream import Agent, AgentDownError
+from backend.bridge.upstream import Agent, AgentUnreachableError
+from backend.bridge.websocket_protocol import WebSocketProtocol
 
 SUBPROTOCOL = "acp.v1"
 
@@ -21,15 +22,16 @@ log = logging.getLogger(__name__)
 
 
 class AcpSocket:
-    """Serves clients, each with an agent's connection of its own."""
+    """Serves clients, each with a connection of its own to the agent."""
 
-    def __init__(self, gate: Gate, agent: Agent, *, max_frame_bytes: int) -> None:
-        self._gate = gate
+    def __init__(self, authenticator: Authenticator, agent: Agent, *, max_frame_bytes: int, limits: Limits) -> None:
+        self._authenticator = authenticator
         self._agent = agent
-        self._limit = max_frame_bytes
+        self._max_frame_bytes = max_frame_bytes
+        self._limits = limits
 
     async def serve(self, websocket: WebSocket, login: Login) -> None:
-        """Relay for one client until either side is gone, and close."""
+        """Relay one client until either side has closed, then close the other one."""
         connection_id = uuid.uuid4().hex
         await websocket.accept(
             subprotocol=SUBPROTOCOL if SUBPROTOCOL in websocket.scope["subprotocols"] else None,
@@ -38,35 +40,38 @@ class AcpSocket:
         who = login.identity
         log.info("acp %s connected: %s (%s)", connection_id, who.name, who.role.value)
         started = time.monotonic()
-        end = End(SERVICE_RESTART, "interrupted")
+        reason = CloseReason(SERVICE_RESTART, "interrupted")
         try:
-            end = await self._relay(websocket, login, connection_id)
+            reason = await self._relay(websocket, login, connection_id)
         finally:
             seconds = time.monotonic() - started
-            log.info("acp %s gone: %s after %.0f s: %s", connection_id, who.name, seconds, end.reason)
+            log.info("acp %s gone: %s after %.0f s: %s", connection_id, who.name, seconds, reason.reason)
 
-    async def _relay(self, websocket: WebSocket, login: Login, connection_id: str) -> End:
-        relay = Relay(DirectWebSocket.of(websocket.scope), login.token, connection_id, self._limit)
+    async def _relay(self, websocket: WebSocket, login: Login, connection_id: str) -> CloseReason:
+        client = WebSocketProtocol.of(websocket.scope)
+        relay = Relay(client, login.token, connection_id, self._max_frame_bytes, self._limits)
         try:
-            agent = await self._agent.connect(relay, self._limit)
-        except AgentDownError as error:
-            end = End(TRY_AGAIN_LATER, str(error))
-            await close(websocket, end)
-            return end
+            agent = await self._agent.connect(relay, self._max_frame_bytes)
+        except AgentUnreachableError as error:
+            reason = CloseReason(TRY_AGAIN_LATER, str(error))
+            await close(websocket, reason)
+            return reason
         try:
             relay.begin(agent)
-            end = await first_of(relay.ended(), _left(websocket), self._gate.until_ended(login))
-            # The agent watches logins as well: when it hung up first, this is still the reason.
-            end = self._gate.ended(login) or end
-            await close(websocket, end)
-            return end
+            reason = await first_completed(
+                relay.ended(), _wait_for_client(websocket), self._authenticator.until_login_ends(login)
+            )
+            # The agent checks logins as well. Where it closed first, the end of the login is still the reason.
+            reason = self._authenticator.login_end(login) or reason
+            await close(websocket, reason)
+            return reason
         finally:
             relay.close()
-            await agent.close()  # last: a child process may take its time
+            await agent.close()  # last, as a child process may take its time
 
 
-async def _left(websocket: WebSocket) -> End:
-    """Wait until the client has gone: the only thing that a relayed WebSocket still tells through ASGI."""
+async def _wait_for_client(websocket: WebSocket) -> CloseReason:
+    """Wait until the client has left, the only event that a relayed WebSocket still reports through ASGI."""
     while (await websocket.receive())["type"] != "websocket.disconnect":
         pass
-    return LEFT
+    return CLIENT_LEFT

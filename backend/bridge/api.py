@@ -1,71 +1,73 @@
-"""What a person can ask of the whole system at once: stop, release, and how it is.
+"""The HTTP API for the robot as a whole: stop, release and health.
 
-Stop goes straight to the robot server. Everyone who is logged in may stop; only a supervisor may release.
+Stop goes directly to the robot server and must never depend on the agent. Everyone who is logged in may stop the robot;
+only a supervisor may release the stop.
 """
 
 from __future__ import annotations
 
 import asyncio
 import time
+from collections.abc import Awaitable
 from typing import Any
 
 from fastapi import APIRouter, Request
 from fastapi.responses import JSONResponse
 
 import backend
-from backend.bridge.login import Gate
-from backend.bridge.robot_link import RobotDownError, RobotLink
+from backend.bridge.limits import Limits
+from backend.bridge.login import Authenticator
+from backend.bridge.robot_server_client import RobotServerClient, RobotUnreachableError
 from backend.bridge.upstream import Agent
 from backend.identity import Right
 
-_FRESH_SECONDS = 1.0
-
 
 class Health:
-    """How the agent and the robot are; asked at most once a second, however many ask."""
+    """Whether agent and robot are up. Both are asked at most once a second, however many clients ask."""
 
-    def __init__(self, agent: Agent, robot: RobotLink, robot_name: str) -> None:
+    def __init__(self, agent: Agent, robot: RobotServerClient, robot_name: str, limits: Limits) -> None:
         self._agent = agent
         self._robot = robot
         self._robot_name = robot_name
-        self._asking = asyncio.Lock()
-        self._known: dict[str, Any] = {}
-        self._known_at = float("-inf")
+        self._max_age = limits.health_age_seconds
+        self._lock = asyncio.Lock()  # held while agent and robot are asked
+        self._report: dict[str, Any] = {}
+        self._reported_at = float("-inf")  # of time.monotonic
 
     async def report(self) -> dict[str, Any]:
-        """What `/api/health` answers."""
-        async with self._asking:
-            if time.monotonic() - self._known_at > _FRESH_SECONDS:
-                self._known = await self._ask()
-                self._known_at = time.monotonic()
-            return self._known
+        """The answer of `/api/health`."""
+        async with self._lock:
+            if time.monotonic() - self._reported_at > self._max_age:
+                self._report = await self._ask()
+                self._reported_at = time.monotonic()
+            return self._report
 
     async def _ask(self) -> dict[str, Any]:
-        trouble, (robot_up, robot_detail) = await asyncio.gather(self._agent.probe(), self._robot.health())
+        agent_error, (robot_up, robot_detail) = await asyncio.gather(self._agent.probe(), self._robot.health())
         return {
-            "status": "ok" if trouble is None and robot_up else "degraded",
+            "status": "ok" if agent_error is None and robot_up else "degraded",
             "version": backend.__version__,
-            "agent": {"up": trouble is None, "detail": trouble or "ready"},
+            "agent": {"up": agent_error is None, "detail": agent_error or "ready"},
             "robot": {"up": robot_up, "detail": robot_detail},
             "robot_name": self._robot_name,
         }
 
 
-def router(gate: Gate, robot: RobotLink, health: Health) -> APIRouter:
-    """The routes of stop, release and health."""
+def router(authenticator: Authenticator, robot: RobotServerClient, health: Health) -> APIRouter:
+    """The routes `/api/stop`, `/api/release` and `/api/health`."""
     routes = APIRouter(prefix="/api")
 
     @routes.post("/stop")
     async def stop(request: Request) -> JSONResponse:
-        who = gate.admit(request, to_stop=True).identity
-        return await _told(robot.stop(who.name))
+        who = authenticator.admit(request, to_stop=True).identity
+        return await _answer(robot.stop(who.name))
 
     @routes.post("/release")
     async def release(request: Request) -> JSONResponse:
-        who = gate.admit(request).identity
+        who = authenticator.admit(request).identity
         if not who.may(Right.RELEASE):
             return JSONResponse({"error": "Only a supervisor can release the stop."}, status_code=403)
-        return await _told(robot.release(who.name))
+        return await _answer(robot.release(who.name))
 
     @routes.get("/health")
     async def ask_health() -> JSONResponse:
@@ -74,8 +76,8 @@ def router(gate: Gate, robot: RobotLink, health: Health) -> APIRouter:
     return routes
 
 
-async def _told(answer: Any) -> JSONResponse:
+async def _answer(request: Awaitable[dict[str, Any]]) -> JSONResponse:
     try:
-        return JSONResponse(await answer)
-    except RobotDownError as error:
+        return JSONResponse(await request)
+    except RobotUnreachableError as error:
         return JSONResponse({"error": str(error)}, status_code=503)

@@ -1,7 +1,7 @@
-"""Who is asking: a token in a cookie, in an `Authorization` header, or in a WebSocket subprotocol.
+"""Logins: a token in a cookie, in an `Authorization` header, or in a WebSocket subprotocol.
 
-The login page trades a token for a cookie that scripts cannot read. A token is never logged, never put into
-an answer and never taken from an address.
+The login page exchanges a token for a cookie that scripts cannot read. A token is never logged, never put into an
+answer and never taken from an address.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from fastapi import APIRouter, Request, Response
 from fastapi.responses import JSONResponse
 from starlette.requests import HTTPConnection
 
-from backend.bridge.closing import LOGIN_ENDED, End
+from backend.bridge.close_codes import LOGIN_ENDED, CloseReason
 from backend.bridge.origin import OriginPolicy
 from backend.identity import Identity, InvalidToken
 from backend.tokens import Registry
@@ -25,12 +25,12 @@ _MAX_BODY_BYTES = 16 * 1024
 
 
 class LoginError(Exception):
-    """The request proves no identity; the text tells the person what to do."""
+    """The request proves no identity; the text says what the person has to do."""
 
 
 @dataclass(frozen=True)
 class Login:
-    """A proved identity, and the token that proves it."""
+    """An identity, and the token that proves it."""
 
     identity: Identity
     token: str
@@ -40,55 +40,56 @@ class _LoginBody(msgspec.Struct):
     token: str
 
 
-class Gate:
-    """Tells who a request comes from, and whether it may come from there."""
+class Authenticator:
+    """Checks who sends a request, and whether the page that sends it may do so."""
 
     def __init__(self, tokens: Registry, origins: OriginPolicy) -> None:
         self._tokens = tokens
         self._origins = origins
 
-    def login(self, connection: HTTPConnection) -> Login:
-        """Who is asking. Raises `LoginError` or `RegistryError`."""
+    def authenticate(self, connection: HTTPConnection) -> Login:
+        """The login of a request that only reads. Raises `LoginError` or `RegistryError`."""
         return self._login(connection)
 
     def verify(self, token: str, *, to_stop: bool = False) -> Identity:
-        """Whom a token stands for. Raises `LoginError` or `RegistryError`."""
+        """The identity that a token proves. Raises `LoginError` or `RegistryError`."""
         try:
             return self._tokens.verify(token, to_stop=to_stop)
         except InvalidToken as error:
             raise LoginError(str(error)) from None
 
     def admit(self, connection: HTTPConnection, *, to_stop: bool = False) -> Login:
-        """Who asks for something that changes the world. Raises `LoginError`, `OriginError` or `RegistryError`.
+        """The login of a request that can change something, or that opens a WebSocket: its origin is checked, too.
 
-        `to_stop` lets in whoever may stop the robot, which is more than may do anything else.
+        `to_stop` is for requests that stop the robot: it accepts logins that nothing else does (`Registry.verify`).
+        Raises `LoginError`, `OriginError` or `RegistryError`.
         """
-        _, explicit = _presented(connection)
-        self._origins.check(connection, explicit_token=explicit)
+        _, is_explicit = _token_of(connection)
+        self._origins.check(connection, explicit_token=is_explicit)
         return self._login(connection, to_stop=to_stop)
 
-    def ended(self, login: Login) -> End | None:
-        """The end of a login that was let in; None while it holds."""
+    def login_end(self, login: Login) -> CloseReason | None:
+        """Why an accepted login has ended; None while it is valid."""
         reason = self._tokens.ended(login.identity)
-        return End(LOGIN_ENDED, reason) if reason else None
+        return CloseReason(LOGIN_ENDED, reason) if reason else None
 
-    async def until_ended(self, login: Login) -> End:
-        """Wait until a login is over: revoked, or expired."""
-        return End(LOGIN_ENDED, await self._tokens.until_ended(lambda: login.identity))
+    async def until_login_ends(self, login: Login) -> CloseReason:
+        """Wait until a login is revoked or has expired."""
+        return CloseReason(LOGIN_ENDED, await self._tokens.until_ended(lambda: login.identity))
 
     def check_origin(self, connection: HTTPConnection) -> None:
-        """For the requests that carry a token in their body. Raises `OriginError`."""
+        """Check a request that carries its token in its body. Raises `OriginError`."""
         self._origins.check(connection, explicit_token=True)
 
     def _login(self, connection: HTTPConnection, *, to_stop: bool = False) -> Login:
-        token, _ = _presented(connection)
+        token, _ = _token_of(connection)
         if token is None:
             raise LoginError("Log in with a token first.")
         return Login(self.verify(token, to_stop=to_stop), token)
 
 
-def _presented(connection: HTTPConnection) -> tuple[str | None, bool]:
-    """The token that a request brings, and whether it is one that no browser adds by itself."""
+def _token_of(connection: HTTPConnection) -> tuple[str | None, bool]:
+    """The token of a request, and whether its sender added it explicitly: a browser adds only cookies by itself."""
     scheme, _, credentials = connection.headers.get("authorization", "").partition(" ")
     if scheme.lower() == "bearer" and credentials.strip():
         return credentials.strip(), True
@@ -98,11 +99,11 @@ def _presented(connection: HTTPConnection) -> tuple[str | None, bool]:
     return connection.cookies.get(COOKIE), False
 
 
-def router(gate: Gate, robot: str) -> APIRouter:
-    """The routes of login, logout, and of asking who one is."""
+def router(authenticator: Authenticator, robot: str) -> APIRouter:
+    """The routes `/api/login`, `/api/logout` and `/api/me`."""
     routes = APIRouter(prefix="/api")
 
-    def told(who: Identity) -> JSONResponse:
+    def identity_response(who: Identity) -> JSONResponse:
         return JSONResponse(
             {"name": who.name, "role": who.role.value, "robot": robot, "expires": who.expires},
             headers={"Cache-Control": "no-store"},
@@ -110,10 +111,10 @@ def router(gate: Gate, robot: str) -> APIRouter:
 
     @routes.post("/login")
     async def login(request: Request) -> Response:
-        gate.check_origin(request)
+        authenticator.check_origin(request)
         token = await _token_in_body(request)
-        who = gate.verify(token)
-        response = told(who)
+        who = authenticator.verify(token)
+        response = identity_response(who)
         response.set_cookie(
             COOKIE,
             token,
@@ -126,14 +127,14 @@ def router(gate: Gate, robot: str) -> APIRouter:
 
     @routes.post("/logout")
     async def logout(request: Request) -> Response:
-        gate.check_origin(request)
+        authenticator.check_origin(request)
         response = Response(status_code=204)
         response.delete_cookie(COOKIE, httponly=True, samesite="strict", secure=request.url.scheme == "https")
         return response
 
     @routes.get("/me")
     async def me(request: Request) -> Response:
-        return told(gate.login(request).identity)
+        return identity_response(authenticator.authenticate(request).identity)
 
     return routes
 

@@ -1,8 +1,8 @@
-"""Which addresses this server answers to, and which web pages may speak to it.
+"""Which Host headers this server accepts, and which web pages may send it requests.
 
-A page of another site can reach any server of the local network through its visitor's browser, and can point
-a name of its own at one (DNS rebinding). So the Host must be an address or a name known to be ours, and the
-Origin must be this very server or one that the settings name. Nothing here may be weakened by a valid login.
+A page of another site can reach any server of the local network through its visitor's browser, and can make a name of
+its own point to it (DNS rebinding). So the Host must be an IP address or a name of this server, and the Origin must be
+this server or one that the settings allow. A valid login must never weaken these checks.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ _SCHEME_OF = {"ws": "http", "wss": "https"}
 
 
 class OriginError(Exception):
-    """The request comes from a page of another site; the text says how to allow that."""
+    """The request comes from a page of another site; the text says how to allow that site."""
 
 
 class OriginPolicy:
-    """Which Host and Origin headers are ours.
+    """Which Host and Origin headers are accepted.
 
-    `host` is the address that the server listens on, `allowed` the further origins of the settings, such as
-    `https://robot.example.org` when a proxy stands in front.
+    `host` is the address that the server listens on. `allowed` are further origins, such as `https://robot.example.org`
+    where a reverse proxy passes requests on.
     """
 
     def __init__(self, host: str, allowed: Iterable[str] = ()) -> None:
@@ -39,7 +39,7 @@ class OriginPolicy:
         self._names = {name.lower() for name in names} | {name for _, name, _ in self._allowed}
 
     def knows_host(self, host: str | None) -> bool:
-        """Whether a Host header names this server. An IP address always does: only a name can be rebound."""
+        """Whether a Host header is accepted. An IP address always is: only a name can be rebound."""
         try:
             name = urlsplit(f"//{host or ''}").hostname
         except ValueError:
@@ -53,10 +53,10 @@ class OriginPolicy:
         return True
 
     def check(self, connection: HTTPConnection, *, explicit_token: bool) -> None:
-        """Raise `OriginError` unless the request comes from our own page, or from no page at all.
+        """Check that a request comes from a page of this server or of an allowed origin, or from no page at all.
 
-        A browser sends an Origin with every POST and WebSocket. Its absence is only believed together with a
-        token that no browser adds by itself (`explicit_token`).
+        A browser sends an Origin with every POST and WebSocket. So a request without one counts as a program's only
+        when it has a token that no browser adds by itself (`explicit_token`). Raises `OriginError`.
         """
         origin = connection.headers.get("origin")
         if origin is None:
@@ -73,7 +73,7 @@ class OriginPolicy:
 
 
 def _normal(origin: str) -> tuple[str, str, int] | None:
-    """Scheme, host and port of an origin; None for what is none, the opaque `null` included."""
+    """Scheme, host and port of an origin; None for a text that is no origin, and for the opaque origin `null`."""
     try:
         parts = urlsplit(origin.strip().lower())
         port = parts.port or _DEFAULT_PORTS.get(parts.scheme)
@@ -85,7 +85,7 @@ def _normal(origin: str) -> tuple[str, str, int] | None:
 
 
 class HostGuard:
-    """ASGI middleware that turns away requests whose Host is not ours, before anything else sees them."""
+    """ASGI middleware that refuses requests with an unknown Host before anything else handles them."""
 
     def __init__(self, app: ASGIApp, policy: OriginPolicy) -> None:
         self._app = app

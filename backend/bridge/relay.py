@@ -1,8 +1,8 @@
-"""The two directions between one client and the agent: plain calls, no tasks, no queues of its own.
+"""Relays frames between one client and the agent: plain calls, without tasks or queues of its own.
 
-A frame is checked once and passed on as the bytes that came; only `initialize` is written anew, to carry the
-verified token. What a method means is none of this module's business. Where one side is slow, the other is no
-longer read, so nothing piles up here.
+Each frame is checked once and passed on as the bytes that arrived. Only `initialize` is written anew, to carry the
+verified token. This module must never interpret any other method. Where one side is slow, the other one is no longer
+read, so nothing accumulates here.
 """
 
 from __future__ import annotations
@@ -12,153 +12,155 @@ import logging
 from collections.abc import Callable
 
 from backend import wire
-from backend.bridge.closing import LEFT, POLICY_VIOLATION, SERVICE_RESTART, TRY_AGAIN_LATER, End
-from backend.bridge.direct import DirectWebSocket
+from backend.bridge.close_codes import CLIENT_LEFT, POLICY_VIOLATION, SERVICE_RESTART, TRY_AGAIN_LATER, CloseReason
+from backend.bridge.limits import Limits
 from backend.bridge.upstream import Upstream
+from backend.bridge.websocket_protocol import WebSocketProtocol
 
-FIRST_FRAME_SECONDS = 30.0
-STALL_SECONDS = 15.0
-"""How long a side may take nothing of what waits for it before the connection is cut."""
-
-_ONE_LINE = bytes.maketrans(b"\r\n", b"  ")
+_NEWLINES_TO_SPACES = bytes.maketrans(b"\r\n", b"  ")
 
 log = logging.getLogger(__name__)
 
 
 class Relay:
-    """One client and one agent. It hears both sides, and says through `ended` why it is over."""
+    """The relay of one client. `max_frame_bytes` limits a frame in either direction."""
 
-    def __init__(self, client: DirectWebSocket, token: str, connection_id: str, limit: int) -> None:
+    def __init__(
+        self, client: WebSocketProtocol, token: str, connection_id: str, max_frame_bytes: int, limits: Limits
+    ) -> None:
         self._client = client
         self._token = token
         self._id = connection_id
-        self._limit = limit
+        self._max_frame_bytes = max_frame_bytes
+        self._limits = limits
         self._loop = asyncio.get_running_loop()
-        self._end: asyncio.Future[End] = self._loop.create_future()
+        self._end: asyncio.Future[CloseReason] = self._loop.create_future()
         self._agent: Upstream | None = None  # set by begin
-        self._initialized = False  # set by the first good frame
-        self._client_is_slow = False
+        self._is_initialized = False  # set by the first valid `initialize`
+        self._client_is_congested = False
         self._timers: dict[str, asyncio.TimerHandle] = {}
 
     def begin(self, agent: Upstream) -> None:
-        """Take what the client says from here on."""
+        """Relay the client's messages to `agent` from now on."""
         self._agent = agent
-        late = End(POLICY_VIOLATION, "The client did not begin with initialize.")
-        self._start_timer("first frame", FIRST_FRAME_SECONDS, lambda: self._finish(late))
+        too_late = CloseReason(POLICY_VIOLATION, "The client did not begin with initialize.")
+        self._start_timer("first frame", self._limits.first_frame_seconds, lambda: self._finish(too_late))
         self._client.take_over(self)
 
-    async def ended(self) -> End:
-        """Wait for the end, and say why."""
+    async def ended(self) -> CloseReason:
+        """Wait until the relay has ended, and return why."""
         return await self._end
 
     def close(self) -> None:
-        """Hear no more."""
+        """End the relay and its timers."""
         for timer in self._timers.values():
             timer.cancel()
-        self._finish(LEFT)
+        self._finish(CLIENT_LEFT)
 
-    # What the client's side calls.
+    # Called by the client's connection:
 
-    def client_said(self, message: bytes) -> None:
-        """Pass a good frame on, and answer a bad one."""
+    def client_message(self, message: bytes) -> None:
+        """Pass on a valid frame, and answer an invalid one with an error."""
         if self._agent is None or self._end.done():
             return
         try:
-            frame = wire.check(message, self._limit)
+            frame = wire.check(message, self._max_frame_bytes)
         except wire.BadFrame as bad:
-            if bad.reply is not None and not self._client_is_slow:
+            if bad.reply is not None and not self._client_is_congested:
                 self._client.send_texts([bad.reply])
             return
-        if not self._initialized and not self._begins_well(frame):
+        if not self._is_initialized and not self._accept_first(frame):
             return
         self._agent.send(self._line(frame))
 
-    def client_slow(self, slow: bool) -> None:
-        """Let the agent wait for a client that is behind."""
-        self._client_is_slow = slow
+    def client_congested(self, congested: bool) -> None:
+        """Read the agent no further while the client is behind."""
+        self._client_is_congested = congested
         if self._agent is None:
             return
-        if slow:
+        if congested:
             self._agent.pause_reading()
-            self._watch("client", self._client.unsent, self._cut_off)
+            self._disconnect_when_stalled("client", self._client.unsent, self._abort_client)
         else:
             self._agent.resume_reading()
             self._stop_timer("client")
 
-    # What the agent's side calls.
+    # Called by the agent's connection:
 
-    def agent_said(self, lines: list[bytes]) -> None:
-        """Pass good lines on, and drop what is no message, such as a log line of an agent on stdio."""
-        good = []
+    def agent_lines(self, lines: list[bytes]) -> None:
+        """Pass on valid lines, and drop others, such as log lines of an agent on stdio."""
+        valid = []
         for line in lines:
             try:
-                good.append(wire.check(line, self._limit).raw)
+                valid.append(wire.check(line, self._max_frame_bytes).raw)
             except wire.BadFrame as bad:
                 log.warning("acp %s: dropped a line of the agent: %s", self._id, bad.message)
-        if good and not self._end.done():
-            self._client.send_texts(good)
+        if valid and not self._end.done():
+            self._client.send_texts(valid)
 
-    def agent_slow(self, slow: bool) -> None:
-        """Let the client wait for an agent that is behind."""
+    def agent_congested(self, congested: bool) -> None:
+        """Read the client no further while the agent is behind."""
         if self._agent is None:
             return
-        if slow:
+        if congested:
             self._client.pause_reading()
-            end = End(TRY_AGAIN_LATER, "The agent does not respond.")
-            self._watch("agent", self._agent.unsent, lambda: self._finish(end))
+            reason = CloseReason(TRY_AGAIN_LATER, "The agent does not respond.")
+            self._disconnect_when_stalled("agent", self._agent.unsent, lambda: self._finish(reason))
         else:
             self._client.resume_reading()
             self._stop_timer("agent")
 
-    def agent_gone(self) -> None:
-        """End, so that the client can connect anew."""
-        self._finish(End(SERVICE_RESTART, "The agent has stopped."))
+    def agent_closed(self) -> None:
+        """End the relay, so that the client can connect again."""
+        self._finish(CloseReason(SERVICE_RESTART, "The agent has stopped."))
 
-    # What only this class calls.
+    # Called by this class alone:
 
-    def _begins_well(self, frame: wire.Frame) -> bool:
+    def _accept_first(self, frame: wire.Frame) -> bool:
+        """Whether the client's first frame is `initialize`; answers any other one and ends the relay."""
         if frame.method == "initialize":
-            self._initialized = True
+            self._is_initialized = True
             self._stop_timer("first frame")
             return True
         sentence = "The first message must be initialize."
         request_id = frame.id if frame.kind == "request" else None
         self._client.send_texts([wire.error_frame(request_id, wire.INVALID_REQUEST, sentence)])
-        self._finish(End(POLICY_VIOLATION, sentence))
+        self._finish(CloseReason(POLICY_VIOLATION, sentence))
         return False
 
     def _line(self, frame: wire.Frame) -> bytes:
         if frame.method == "initialize":
             return wire.with_identity(frame, self._token)
         if b"\n" in frame.raw or b"\r" in frame.raw:
-            # White space, as JSON strings hold neither byte; left in, it would end the line too early.
-            return frame.raw.translate(_ONE_LINE)
+            # These are white space between values, as no JSON string contains them unescaped. A newline would end the
+            # line too early.
+            return frame.raw.translate(_NEWLINES_TO_SPACES)
         return frame.raw
 
-    def _watch(self, what: str, unsent: Callable[[], int], stalled: Callable[[], None]) -> None:
-        """Call `stalled` once a whole STALL_SECONDS has taken nothing off `unsent`: slow is not stalled."""
+    def _disconnect_when_stalled(self, side: str, unsent: Callable[[], int], disconnect: Callable[[], None]) -> None:
+        """Call `disconnect` when `unsent` has not shrunk within `stall_seconds`: a slow side is not a stalled one."""
         before = unsent()
 
-        def look() -> None:
+        def check() -> None:
             if unsent() < before:
-                self._watch(what, unsent, stalled)
+                self._disconnect_when_stalled(side, unsent, disconnect)
             else:
-                stalled()
+                disconnect()
 
-        self._start_timer(what, STALL_SECONDS, look)
+        self._start_timer(side, self._limits.stall_seconds, check)
 
-    def _cut_off(self) -> None:
-        self._finish(End(POLICY_VIOLATION, "The client does not read."))
-        self._client.abort()  # a close frame would wait behind all that it does not read
+    def _abort_client(self) -> None:
+        self._finish(CloseReason(POLICY_VIOLATION, "The client does not read."))
+        self._client.abort()  # a close frame would wait behind everything that the client does not read
 
-    def _start_timer(self, what: str, seconds: float, then: Callable[[], None]) -> None:
-        self._stop_timer(what)
-        self._timers[what] = self._loop.call_later(seconds, then)
+    def _start_timer(self, name: str, seconds: float, callback: Callable[[], None]) -> None:
+        self._stop_timer(name)
+        self._timers[name] = self._loop.call_later(seconds, callback)
 
-    def _stop_timer(self, what: str) -> None:
-        if timer := self._timers.pop(what, None):
+    def _stop_timer(self, name: str) -> None:
+        if timer := self._timers.pop(name, None):
             timer.cancel()
 
-    def _finish(self, end: End) -> None:
+    def _finish(self, reason: CloseReason) -> None:
         if not self._end.done():
-            self._end.set_result(end)
+            self._end.set_result(reason)

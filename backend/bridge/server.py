@@ -1,4 +1,4 @@
-"""The bridge process: one socket, one HTTP and WebSocket server, from start to a clean end."""
+"""The bridge process: one HTTP and WebSocket server on one socket, from its start to its orderly end."""
 
 from __future__ import annotations
 
@@ -8,46 +8,47 @@ import socket
 
 import uvicorn
 
-from backend.bridge import door
 from backend.bridge.app import create_app
-from backend.bridge.direct import DirectWebSocket
+from backend.bridge.connection_limits import DESCRIPTORS_PER_PAGE, RESERVED_DESCRIPTORS, max_pages_for
+from backend.bridge.limits import Limits
+from backend.bridge.websocket_protocol import WebSocketProtocol
 from backend.config import ConfigError, Settings
 from backend.descriptors import raise_limit
 
 PING_SECONDS = 5.0
 PONG_SECONDS = 15.0
-"""Longer than a ping may wait behind a large message on a slow link. Until then whoever is gone counts as there."""
-_END_SECONDS = 3
+"""Longer than a ping may wait behind a large message on a slow link. Until then a lost client counts as connected."""
+_SHUTDOWN_SECONDS = 3
 
 log = logging.getLogger(__name__)
 
 
-async def serve(settings: Settings, *, listener: socket.socket | None = None) -> None:
-    """Serve until cancelled, or until SIGINT or SIGTERM. Raises `ConfigError` when the address cannot be had.
+async def serve(settings: Settings, *, listener: socket.socket | None = None, limits: Limits | None = None) -> None:
+    """Serve until cancelled, or until SIGINT or SIGTERM. Raises `ConfigError` when the address cannot be used.
 
-    `listener` is a socket that is bound already; without it, `bridge.host` and `bridge.port` say where.
+    `listener` is a bound socket; without it, the bridge binds `bridge.host` and `bridge.port`.
     """
-    for noisy in ("httpx", "websockets"):  # a line for every health check is a log that nobody reads
-        logging.getLogger(noisy).setLevel(logging.WARNING)
+    for name in ("httpx", "websockets"):  # they log a line for every health check
+        logging.getLogger(name).setLevel(logging.WARNING)
     wanted = settings.bridge.max_connections
-    descriptors = raise_limit(wanted * door.DESCRIPTORS_A_PAGE + door.DESCRIPTORS_KEPT)
-    app = create_app(settings, max_pages=door.pages_for(descriptors, wanted))
+    descriptors = raise_limit(wanted * DESCRIPTORS_PER_PAGE + RESERVED_DESCRIPTORS)
+    app = create_app(settings, max_pages=max_pages_for(descriptors, wanted), limits=limits)
     bound = listener or listen(settings)
     host, port = bound.getsockname()[:2]
     server = uvicorn.Server(
         uvicorn.Config(
             app,
-            ws=DirectWebSocket,
+            ws=WebSocketProtocol,
             ws_max_size=settings.bridge.max_frame_bytes,
             ws_ping_interval=PING_SECONDS,
             ws_ping_timeout=PONG_SECONDS,
-            ws_per_message_deflate=False,  # costs more time than a local network needs for these sizes
+            ws_per_message_deflate=False,  # on a local network, compressing takes longer than sending
             lifespan="on",
             log_config=None,
             log_level="warning",
             access_log=False,
             server_header=False,
-            timeout_graceful_shutdown=_END_SECONDS,
+            timeout_graceful_shutdown=_SHUTDOWN_SECONDS,
         )
     )
     log.info("bridge on http://%s:%s, agent at %s", host, port, settings.agent_address)
@@ -69,6 +70,6 @@ def listen(settings: Settings) -> socket.socket:
     except OSError as error:
         raise ConfigError(f"The bridge cannot listen on {host}:{port}: {error.strerror}.") from None
     if hasattr(socket, "TCP_USER_TIMEOUT"):
-        # Accepted connections inherit it: a peer that no longer reads is cut off in the end.
+        # Accepted connections inherit it: the kernel ends one whose peer acknowledges nothing for 30 s.
         bound.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, 30_000)
     return bound

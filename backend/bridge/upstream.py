@@ -1,6 +1,6 @@
-"""A connection of its own to the agent: TCP, or a child process that speaks over stdin and stdout.
+"""Connections to the agent, one for each client: over TCP, or to a child process over its stdin and stdout.
 
-Lines go in, lines come out, as calls. A child belongs to one client and must never outlive it.
+Lines are sent and received by plain calls. A child process belongs to one client and must never outlive it.
 """
 
 from __future__ import annotations
@@ -17,64 +17,65 @@ from dataclasses import dataclass
 from typing import Protocol, cast
 from urllib.parse import urlsplit
 
-from backend.bridge.lines import LineSplitter
+from backend.bridge.limits import Limits
+from backend.bridge.line_splitter import LineSplitter
 from backend.config import ConfigError
 
 _CONNECT_SECONDS = 5.0
 _PROBE_SECONDS = 1.0
-_GRACE_SECONDS = 2.0
-_LAST_WORDS_SECONDS = 0.5
+_LAST_OUTPUT_SECONDS = 0.5
+"""After an agent on stdio has exited, its last output may still arrive for this long."""
 
 log = logging.getLogger(__name__)
 
 
-class AgentDownError(Exception):
-    """The agent cannot be reached; the text is for the people in front of a client."""
+class AgentUnreachableError(Exception):
+    """The agent cannot be reached; the text is for the person in front of a client."""
 
 
-class Listener(Protocol):
-    """Who hears the agent. Its methods are called from the event loop and may not wait."""
+class UpstreamListener(Protocol):
+    """Receives the agent's lines. Its methods are called from the event loop and must not block."""
 
-    def agent_said(self, lines: list[bytes]) -> None:
-        """Whole lines came, without their newlines."""
+    def agent_lines(self, lines: list[bytes]) -> None:
+        """Whole lines have arrived; they are without their newlines."""
 
-    def agent_slow(self, slow: bool) -> None:
-        """The agent's side of the connection is full, or has room again."""
+    def agent_congested(self, congested: bool) -> None:
+        """The agent reads too slowly (True), or has caught up (False)."""
 
-    def agent_gone(self) -> None:
-        """The agent has closed, or its process has ended. May be called twice."""
+    def agent_closed(self) -> None:
+        """The agent has closed the connection, or its process has exited. May be called twice."""
 
 
 class Upstream(Protocol):
     """One open connection to the agent."""
 
     def send(self, line: bytes) -> None:
-        """Pass one line on; its newline is added."""
+        """Send one line; the newline is added."""
 
     def unsent(self) -> int:
-        """Bytes that wait for the agent to read."""
+        """The bytes that wait for the agent to read them."""
 
     def pause_reading(self) -> None:
-        """Read no more for now, so that the agent has to wait."""
+        """Stop reading, so that the agent has to wait."""
 
     def resume_reading(self) -> None:
-        """Read on."""
+        """Read again."""
 
     async def close(self) -> None:
-        """End the connection, and the child process with it."""
+        """Close the connection, and end the child process if there is one."""
 
 
 class Agent(Protocol):
-    """Where the agent is."""
+    """The agent at one address."""
 
-    async def connect(self, listener: Listener, limit: int) -> Upstream:
-        """A new connection for lines of at most `limit` bytes. Raises `AgentDownError`."""
+    async def connect(self, listener: UpstreamListener, limit: int) -> Upstream:
+        """A new connection for lines of at most `limit` bytes. Raises `AgentUnreachableError`."""
 
     async def probe(self) -> str | None:
-        """None when the agent would answer, else what is wrong, in words for people."""
+        """None when the agent accepts connections, otherwise a sentence that says what is wrong."""
 
 
-def agent_at(address: str) -> Agent:
+def agent_at(address: str, limits: Limits) -> Agent:
     """The agent at `tcp://HOST:PORT` or `stdio:COMMAND`. Raises `ConfigError` for anything else."""
     if address.startswith("stdio:"):
         try:
@@ -82,7 +83,7 @@ def agent_at(address: str) -> Agent:
         except ValueError as error:
             raise ConfigError(f"bridge.agent: the command cannot be read: {error}.") from None
         if command:
-            return _StdioAgent(command)
+            return _StdioAgent(command, limits.agent_exit_seconds)
     parts = urlsplit(address)
     with contextlib.suppress(ValueError):  # a port that is no number
         if parts.scheme == "tcp" and parts.hostname and parts.port:
@@ -94,9 +95,9 @@ class _TcpAgent:
     def __init__(self, host: str, port: int) -> None:
         self.host = host
         self.port = port
-        self._open: set[_TcpConnection] = set()  # each adds and removes itself
+        self._open: set[_TcpConnection] = set()  # each connection adds and removes itself
 
-    async def connect(self, listener: Listener, limit: int) -> Upstream:
+    async def connect(self, listener: UpstreamListener, limit: int) -> Upstream:
         loop = asyncio.get_running_loop()
         try:
             async with asyncio.timeout(_CONNECT_SECONDS):
@@ -104,7 +105,7 @@ class _TcpAgent:
                     lambda: _TcpConnection(listener, limit, self._open), self.host, self.port
                 )
         except (OSError, TimeoutError):
-            raise AgentDownError("The agent is not running.") from None
+            raise AgentUnreachableError("The agent is not running.") from None
         return connection
 
     async def probe(self) -> str | None:
@@ -120,10 +121,10 @@ class _TcpAgent:
 
 
 class _TcpConnection(asyncio.Protocol):
-    def __init__(self, listener: Listener, limit: int, siblings: set[_TcpConnection]) -> None:
+    def __init__(self, listener: UpstreamListener, limit: int, open_connections: set[_TcpConnection]) -> None:
         self._listener = listener
         self._lines = LineSplitter(limit)
-        self._siblings = siblings
+        self._open_connections = open_connections
 
     def send(self, line: bytes) -> None:
         self._transport.write(line + b"\n")
@@ -138,7 +139,7 @@ class _TcpConnection(asyncio.Protocol):
         self._transport.resume_reading()
 
     async def close(self) -> None:
-        # What waits for an agent that does not read would keep a closing connection open for ever.
+        # A closing connection would stay open until the agent has read everything, which may be never.
         if self._transport.get_write_buffer_size():
             self._transport.abort()
         else:
@@ -149,38 +150,39 @@ class _TcpConnection(asyncio.Protocol):
         connected: socket.socket = transport.get_extra_info("socket")
         connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connected.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        self._siblings.add(self)
+        self._open_connections.add(self)
 
     def data_received(self, data: bytes) -> None:
-        self._listener.agent_said(self._lines.feed(data))
+        self._listener.agent_lines(self._lines.feed(data))
 
     def pause_writing(self) -> None:
-        self._listener.agent_slow(True)
+        self._listener.agent_congested(True)
 
     def resume_writing(self) -> None:
-        self._listener.agent_slow(False)
+        self._listener.agent_congested(False)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self._siblings.discard(self)
-        self._listener.agent_gone()
+        self._open_connections.discard(self)
+        self._listener.agent_closed()
 
 
 @dataclass(frozen=True)
 class _StdioAgent:
     command: list[str]
+    exit_seconds: float
 
-    async def connect(self, listener: Listener, limit: int) -> Upstream:
+    async def connect(self, listener: UpstreamListener, limit: int) -> Upstream:
         loop = asyncio.get_running_loop()
         try:
             _, child = await loop.subprocess_exec(
-                lambda: _Child(listener, limit),
+                lambda: _Child(listener, limit, self.exit_seconds),
                 *self.command,
-                stderr=None,  # the child's own log goes where ours goes
-                start_new_session=True,  # a group of its own, so that what it starts ends with it
+                stderr=None,  # the child logs to the bridge's own stderr
+                start_new_session=True,  # a process group of its own, so that the processes that it starts end with it
             )
         except OSError as error:
             log.error("the agent command %s cannot be started: %s", self.command[0], error)
-            raise AgentDownError("The agent cannot be started.") from None
+            raise AgentUnreachableError("The agent cannot be started.") from None
         return child
 
     async def probe(self) -> str | None:
@@ -190,7 +192,8 @@ class _StdioAgent:
 
 
 class _Child(asyncio.SubprocessProtocol):
-    def __init__(self, listener: Listener, limit: int) -> None:
+    def __init__(self, listener: UpstreamListener, limit: int, exit_seconds: float) -> None:
+        self._exit_seconds = exit_seconds
         self._listener = listener
         self._lines = LineSplitter(limit)
         self._loop = asyncio.get_running_loop()
@@ -209,27 +212,27 @@ class _Child(asyncio.SubprocessProtocol):
         self._stdout.resume_reading()
 
     async def close(self) -> None:
-        """Ask it to end by closing its stdin, then tell it, then make it."""
+        """Close its stdin, which asks it to exit; then send SIGTERM, then SIGKILL."""
         self._stdin.close()
         try:
-            for sign in (signal.SIGTERM, signal.SIGKILL):
-                if await self._ended_by_itself():
+            for number in (signal.SIGTERM, signal.SIGKILL):
+                if await self._exits_in_time():
                     break
-                self._signal(sign)
+                self._send_signal(number)
             await self._exited.wait()
         finally:
-            self._signal(signal.SIGKILL)  # what it left behind in its group
+            self._send_signal(signal.SIGKILL)  # ends the processes that it left in its group
             self._transport.close()
 
-    async def _ended_by_itself(self) -> bool:
+    async def _exits_in_time(self) -> bool:
         with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(_GRACE_SECONDS):
+            async with asyncio.timeout(self._exit_seconds):
                 return await self._exited.wait()
         return False
 
-    def _signal(self, sign: signal.Signals) -> None:
+    def _send_signal(self, number: signal.Signals) -> None:
         with contextlib.suppress(ProcessLookupError):
-            os.killpg(self._pid, sign)
+            os.killpg(self._pid, number)
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._transport = cast(asyncio.SubprocessTransport, transport)
@@ -238,18 +241,18 @@ class _Child(asyncio.SubprocessProtocol):
         self._stdout = cast(asyncio.ReadTransport, self._transport.get_pipe_transport(1))
 
     def pipe_data_received(self, fd: int, data: bytes) -> None:
-        self._listener.agent_said(self._lines.feed(data))
+        self._listener.agent_lines(self._lines.feed(data))
 
     def pause_writing(self) -> None:
-        self._listener.agent_slow(True)
+        self._listener.agent_congested(True)
 
     def resume_writing(self) -> None:
-        self._listener.agent_slow(False)
+        self._listener.agent_congested(False)
 
     def pipe_connection_lost(self, fd: int, exc: Exception | None) -> None:
-        self._listener.agent_gone()
+        self._listener.agent_closed()
 
     def process_exited(self) -> None:
         self._exited.set()
-        # Its stdout may stay open in a process that it started; what it said last is still to be read.
-        self._loop.call_later(_LAST_WORDS_SECONDS, self._listener.agent_gone)
+        # Its last output may not have been read yet, and its stdout may stay open in a process that it started.
+        self._loop.call_later(_LAST_OUTPUT_SECONDS, self._listener.agent_closed)

@@ -1,4 +1,4 @@
-"""What the bridge's tests share: a bridge on a free port, and an agent that does what a test tells it to.
+"""What the bridge's tests share: a bridge on a free port, scenes, and an agent that does what a test tells it to.
 
 The agent is a peer on the other side of a real socket, not a stand-in for a part of this project.
 """
@@ -17,14 +17,25 @@ from typing import Any
 import httpx
 import orjson
 import pytest
+import uvicorn
+import viser
+from starlette.applications import Starlette
+from starlette.routing import WebSocketRoute
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 
 from backend import config, tokens
 from backend.bridge import server
+from backend.bridge.connection_limits import ConnectionLimit
+from backend.bridge.limits import Limits
+from backend.bridge.login import Authenticator
+from backend.bridge.origin import OriginPolicy
+from backend.bridge.scene.proxy import SceneSocket
+from backend.bridge.scene.scene import Scene
 from backend.config import Settings
 from backend.identity import Role
 from tests.bridge.scenes import PATIENCE, TelemetryPeer, telemetry_peer
+from tests.bridge.viser_page import SUBPROTOCOL
 
 
 async def eventually(condition: Callable[[], object], seconds: float = PATIENCE) -> Any:
@@ -140,11 +151,11 @@ class RunningBridge:
 
 
 @asynccontextmanager
-async def running_bridge(settings: Settings) -> AsyncIterator[RunningBridge]:
+async def running_bridge(settings: Settings, limits: Limits | None = None) -> AsyncIterator[RunningBridge]:
     """Serve a bridge for `settings`, on a free port of loopback."""
     listener = server.listen(settings)
     port = listener.getsockname()[1]
-    serving = asyncio.create_task(server.serve(settings, listener=listener))
+    serving = asyncio.create_task(server.serve(settings, listener=listener, limits=limits))
     bridge = RunningBridge(settings, port)
     try:
         async with bridge.http() as http:
@@ -186,15 +197,78 @@ async def bridge(agent: ScriptedAgent, settings_for: Callable[..., Settings]) ->
 
 @pytest.fixture
 def bridge_with(settings_for: Callable[..., Settings]) -> Callable[..., Any]:
-    """Runs a bridge with settings of the test's choice: `async with bridge_with(agent=…) as bridge`."""
-    return lambda **flags: running_bridge(settings_for(**flags))
+    """Runs a bridge with settings of the test's choice: `async with bridge_with(agent=…, limits=…) as bridge`."""
+    return lambda limits=None, **flags: running_bridge(settings_for(**flags), limits)
 
 
 @pytest.fixture
 async def robot() -> AsyncIterator[TelemetryPeer]:
-    """The robot's end of `/telemetry`, which sends what a test has it send."""
+    """The robot's end of `/telemetry`, which sends what a test tells it to."""
     async with telemetry_peer() as peer:
         yield peer
+
+
+@pytest.fixture
+def scene_with(robot: TelemetryPeer) -> Callable[..., Any]:
+    """Runs a scene that follows the robot: `async with scene_with(limits=…) as scene`."""
+
+    @asynccontextmanager
+    async def running(**options: Any) -> AsyncIterator[Scene]:
+        scene = Scene("Sancho", f"ws://127.0.0.1:{robot.port}/telemetry", b"secret", **options)
+        task = asyncio.create_task(scene.run())
+        try:
+            await eventually(lambda: robot.subscriptions)
+            yield scene
+        finally:
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
+
+    return running
+
+
+@pytest.fixture
+async def scene(scene_with: Callable[..., Any]) -> AsyncIterator[Scene]:
+    """A scene that follows the robot."""
+    async with scene_with() as running:
+        yield running
+
+
+@pytest.fixture
+def opening(tmp_path: Path) -> Callable[..., Any]:
+    """Serves a scene's WebSocket as the bridge does: `async with opening(scene) as opened, opened() as page`."""
+
+    @asynccontextmanager
+    async def serving(scene: Scene) -> AsyncIterator[Callable[[], connect]]:
+        authenticator = Authenticator(tokens.Registry(tmp_path), OriginPolicy("127.0.0.1"))
+        endpoint = ConnectionLimit(authenticator, 9, 9).endpoint(SceneSocket(authenticator, scene).serve)
+        app = Starlette(routes=[WebSocketRoute("/scene", endpoint)])
+        web = uvicorn.Server(uvicorn.Config(app, port=0, ws="websockets-sansio", log_config=None))
+        task = asyncio.create_task(web.serve())
+        await eventually(lambda: web.started)
+        url = f"ws://127.0.0.1:{web.servers[0].sockets[0].getsockname()[1]}/scene"
+        bearer = {"Authorization": f"Bearer {tokens.create(tmp_path, 'Ana', Role.VIEWER, 60)}"}
+        options = {"subprotocols": [SUBPROTOCOL], "compression": None, "max_size": None, "proxy": None}
+        try:
+            yield lambda: connect(url, additional_headers=bearer, **options)
+        finally:
+            web.should_exit = True
+            await task
+
+    return serving
+
+
+@pytest.fixture
+def servers(monkeypatch: pytest.MonkeyPatch) -> list[viser.ViserServer]:
+    """Every viser server that is started from here on."""
+    started: list[viser.ViserServer] = []
+
+    class Noted(viser.ViserServer):
+        def __init__(self, *arguments: Any, **options: Any) -> None:
+            super().__init__(*arguments, **options)
+            started.append(self)
+
+    monkeypatch.setattr(viser, "ViserServer", Noted)
+    return started
 
 
 INITIALIZE = b'{"jsonrpc":"2.0","id":0,"method":"initialize","params":{"protocolVersion":1}}'

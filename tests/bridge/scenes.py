@@ -1,4 +1,4 @@
-"""The robot's end of `/telemetry` for tests of the scene, a small map, and what viser's page and server say."""
+"""The robot's end of `/telemetry` for tests of the scene, and small maps, states and scans."""
 
 from __future__ import annotations
 
@@ -7,41 +7,15 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any
 
-import msgspec
-import viser
-import zstandard
 from websockets.asyncio.client import ClientConnection
 from websockets.asyncio.server import ServerConnection, serve
 
 from backend import telemetry
-from backend.telemetry import Battery, Map, Place, Pose, State, Twist
+from backend.telemetry import Battery, Map, Place, Pose, Scan, State, Twist
+from tests.bridge.viser_page import messages_in
 
 PATIENCE = 30.0
 """Seconds after which a condition that is waited for has failed; met ones take milliseconds."""
-
-SUBPROTOCOL = f"viser-v{viser.__version__}"
-
-CAMERA = {
-    "type": "ViewerCameraMessage",
-    "wxyz": (1.0, 0.0, 0.0, 0.0),
-    "position": (3.0, 3.0, 3.0),
-    "fov": 0.7,
-    "near": 0.01,
-    "far": 1000.0,
-    "image_height": 500,
-    "image_width": 600,
-    "look_at": (0.0, 0.0, 0.0),
-    "up_direction": (0.0, 0.0, 1.0),
-}
-POINTER = {
-    "type": "ScenePointerMessage",
-    "event_type": "click",
-    "ray_origin": (0.0, 0.0, 0.0),
-    "ray_direction": (0.0, 0.0, -1.0),
-    "screen_pos": ((0.5, 0.5),),
-    "modifier": None,
-}
-
 
 MAP = Map(
     resolution=0.5,
@@ -52,6 +26,9 @@ MAP = Map(
     cells=bytes([100] * 8 + [0] * 32 + [100] * 8),
     places=[Place("k", "kitchen", "space", Pose(1.0, 1.5, 0.0))],
 )
+HALL = Map(0.1, 100, 100, 0.0, 0.0, bytes(10000), [])
+TOO_SHORT = Map(0.5, 8, 6, 0.0, 0.0, b"too short", [])
+"""A map that cannot be drawn."""
 
 
 def state(**changes) -> State:
@@ -68,26 +45,26 @@ def state(**changes) -> State:
     return State(**(values | changes))
 
 
-async def told(page: ClientConnection, kind: str) -> dict[str, Any]:
-    """The next message of a kind that a page is sent, by viser or by the bridge."""
+async def received(page: ClientConnection, kind: str) -> dict[str, Any]:
+    """The next message of a type that a page receives, from viser or from the bridge."""
     async with asyncio.timeout(PATIENCE):
         while True:
-            frame = await page.recv()
-            assert isinstance(frame, bytes)
-            size, packed = (int.from_bytes(frame[at : at + 8], "little") for at in (0, 8))
-            unpacked = zstandard.ZstdDecompressor().decompress(frame[16 : 16 + packed])
-            assert len(unpacked) == size
-            for message in msgspec.msgpack.decode(unpacked)["messages"]:
+            for message in messages_in(await page.recv()):
                 if message["type"] == kind and not message.get("initial"):
                     return message
 
 
+def person(x: float) -> Scan:
+    """What the laser at (5, 5) measures of somebody who stands at (x, 5)."""
+    return Scan(1.0, Pose(5.0, 5.0, 0.0), -0.06, 0.03, 10.0, [x - 5.2] * 5)
+
+
 class TelemetryPeer:
-    """The robot's end of `/telemetry`: it tells what was asked of it, and sends what a test has it send."""
+    """The robot's end of `/telemetry`: it records what it is asked for, and sends what a test tells it to."""
 
     def __init__(self) -> None:
         self.port = 0
-        self.asked: list[telemetry.Subscribe] = []
+        self.subscriptions: list[telemetry.Subscribe] = []
         self.authorization = ""
         self.connections = 0
         self._connection: ServerConnection | None = None
@@ -97,11 +74,14 @@ class TelemetryPeer:
         self.connections += 1
         self.authorization = connection.request.headers["Authorization"]
         async for frame in connection:
-            self.asked.append(telemetry.decode_subscribe(frame))
+            self.subscriptions.append(telemetry.decode_subscribe(frame))
 
     async def send(self, *messages: telemetry.AnyMessage) -> None:
         for message in messages:
             await self._connection.send(telemetry.encode(message))
+
+    async def send_bytes(self, frame: bytes) -> None:
+        await self._connection.send(frame)
 
     async def hang_up(self) -> None:
         await self._connection.close()

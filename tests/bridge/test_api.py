@@ -8,6 +8,7 @@ from collections.abc import AsyncIterator
 
 import pytest
 
+from backend.bridge.limits import Limits
 from backend.config import Settings
 from backend.identity import Role
 from backend.mcp_robot import server as robot_server
@@ -117,9 +118,9 @@ async def test_an_agent_on_stdio_is_up_when_its_command_exists(bridge_with, comm
         assert (await http.get("/api/health")).json()["agent"]["up"] is up
 
 
-async def test_the_agent_is_probed_once_however_many_ask(bridge, agent, monkeypatch):
-    monkeypatch.setattr("backend.bridge.api._FRESH_SECONDS", PATIENCE)  # they may take more than a second to ask
-    async with bridge.http() as http:
+async def test_the_agent_is_probed_once_however_many_ask(bridge_with, agent):
+    patient = Limits(health_age_seconds=PATIENCE)  # the requests may take more than a second
+    async with bridge_with(agent={"port": agent.port}, limits=patient) as bridge, bridge.http() as http:
         await asyncio.gather(*(http.get("/api/health") for _ in range(20)))
     assert agent.connections == 1
 

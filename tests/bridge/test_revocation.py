@@ -6,15 +6,14 @@ import asyncio
 import contextlib
 
 import pytest
-import viser
 from websockets.exceptions import InvalidStatus
 
 from backend import tokens
 from backend.identity import Role
 from backend.mcp_robot import server as robot_server
 from tests.bridge.scenes import PATIENCE
+from tests.bridge.viser_page import SUBPROTOCOL
 
-VISER = f"viser-v{viser.__version__}"
 REVOKED = (4401, "Your login was revoked. Ask for a new one.")
 
 
@@ -54,7 +53,9 @@ async def test_a_client_that_has_not_begun_is_closed_too(bridge, closing, revoke
 
 
 async def test_a_viewer_of_the_scene_is_closed_too(bridge, closing, revoke):
-    async with bridge.websocket("/scene", token=bridge.token(Role.VIEWER, "Vera"), subprotocols=[VISER]) as viewer:
+    async with bridge.websocket(
+        "/scene", token=bridge.token(Role.VIEWER, "Vera"), subprotocols=[SUBPROTOCOL]
+    ) as viewer:
         revoke("Vera")
         assert await closing(viewer) == REVOKED
 

@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 from playwright.async_api import ConsoleMessage, Page, async_playwright
 
-from backend.bridge.scene.page import patched
+from backend.bridge.scene.viser_internals import patched_page
 from backend.identity import Role
 from backend.telemetry import Map, Pose, Zone
 from tests.bridge.scenes import state
@@ -114,7 +114,7 @@ async def test_a_viewer_sees_a_zone_where_it_is_picks_a_point_of_it_follows_and_
 
     async with bridge_with(robot={"port": robot.port}) as bridge:
         token = bridge.token(Role.OPERATOR, lifetime_s=600)
-        await wait_until(lambda: robot.asked)
+        await wait_until(lambda: robot.subscriptions)
         await robot.send(state(pose=Pose(3.0, 3.0, 0.0)), HALL)
         await page.context.add_cookies([{"name": "robot_acp", "value": token, "url": bridge.origin}])
         async with bridge.websocket(f"/scene/{viewer}/control", token=token) as control:
@@ -186,7 +186,7 @@ async def drawing(page: Page) -> Page:
     """A page with our head that draws without end, on a clock that stands still but for `frames`."""
     await page.clock.install(time=0)
     await page.add_init_script(SLOW_DRAWING)
-    await page.route(ADDRESS, lambda route: route.fulfill(content_type=HTML, body=patched(DRAWING)))
+    await page.route(ADDRESS, lambda route: route.fulfill(content_type=HTML, body=patched_page(DRAWING)))
     await page.goto(ADDRESS)
     await page.clock.pause_at(3_600_000)
     return page
@@ -265,7 +265,7 @@ async def test_what_is_drawn_now_and_then_is_not_slow_and_what_was_cancelled_is_
 )
 async def test_only_a_graphics_chip_has_to_smooth_edges(page, renderer, smooth):
     await page.add_init_script(f"WebGL2RenderingContext.prototype.getParameter = () => {json.dumps(renderer)}")
-    await page.route(ADDRESS, lambda route: route.fulfill(content_type=HTML, body=patched(DRAWING)))
+    await page.route(ADDRESS, lambda route: route.fulfill(content_type=HTML, body=patched_page(DRAWING)))
     await page.goto(ADDRESS)
     assert (
         await page.evaluate("document.querySelector('canvas').getContext('webgl2').getContextAttributes().antialias")
@@ -275,7 +275,7 @@ async def test_only_a_graphics_chip_has_to_smooth_edges(page, renderer, smooth):
 
 async def test_a_covered_map_is_not_drawn(page, wait_until):
     around = f"<!doctype html><body><iframe src='{ADDRESS}'></iframe>"
-    await page.route(ADDRESS, lambda route: route.fulfill(content_type=HTML, body=patched(DRAWING)))
+    await page.route(ADDRESS, lambda route: route.fulfill(content_type=HTML, body=patched_page(DRAWING)))
     await page.route("http://robot.test/", lambda route: route.fulfill(content_type=HTML, body=around))
     await page.goto("http://robot.test/")
     scene = await (await page.wait_for_selector("iframe")).content_frame()
@@ -291,7 +291,7 @@ async def test_a_covered_map_is_not_drawn(page, wait_until):
 
 
 async def test_the_notice_speaks_the_language_of_the_page_around_it(page, wait_until):
-    await page.route(ADDRESS, lambda route: route.fulfill(content_type=HTML, body=patched(DRAWING)))
+    await page.route(ADDRESS, lambda route: route.fulfill(content_type=HTML, body=patched_page(DRAWING)))
     await page.route(
         "http://robot.test/",
         lambda route: route.fulfill(

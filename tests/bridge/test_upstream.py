@@ -11,6 +11,7 @@ from pathlib import Path
 import orjson
 import pytest
 
+from backend.bridge.limits import Limits
 from backend.bridge.upstream import agent_at
 from backend.config import ConfigError
 from tests.bridge.scenes import PATIENCE
@@ -87,9 +88,9 @@ async def test_a_child_that_ends_by_itself_ends_the_connection(bridge_with, init
         assert await closing(websocket) == (1012, "The agent has stopped.")
 
 
-async def test_a_child_that_will_not_end_is_made_to(bridge_with, initialize, wait_until, monkeypatch):
-    monkeypatch.setattr("backend.bridge.upstream._GRACE_SECONDS", 1.0)
-    async with bridge_with(bridge={"agent": f"stdio:{STDIO_AGENT} --stubborn"}) as bridge:
+async def test_a_child_that_does_not_exit_is_killed(bridge_with, initialize, wait_until):
+    stubborn = {"agent": f"stdio:{STDIO_AGENT} --stubborn"}
+    async with bridge_with(bridge=stubborn, limits=Limits(agent_exit_seconds=1.0)) as bridge:
         async with bridge.websocket() as websocket:
             await websocket.send(initialize.decode())
             pid = orjson.loads(await websocket.recv())["result"]["pid"]
@@ -117,9 +118,9 @@ async def test_a_command_that_does_not_exist_is_told_to_the_client(bridge_with, 
 )
 def test_an_address_that_is_none_is_a_setting_error_that_names_it(address):
     with pytest.raises(ConfigError, match=r"bridge\.agent"):
-        agent_at(address)
+        agent_at(address, Limits())
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9100", "tcp://[::1]:9100", "stdio:agent --stdio"])
 def test_addresses_that_are_understood(address):
-    assert agent_at(address)
+    assert agent_at(address, Limits())

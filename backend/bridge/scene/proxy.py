@@ -1,8 +1,8 @@
-"""`/scene/` and `WS /scene`, or with a viewer's id behind: viser behind the bridge's login, on the bridge's own port.
+"""`/scene/` and `WS /scene`, or with a viewer's id behind them: viser behind the bridge's login, on the bridge's port.
 
-viser itself listens on loopback and asks nobody who they are. Nothing that a browser sends is passed on to it: that
-could change what others see, and one of viser's messages opens a tunnel to the internet. Where a viewer's camera
-stands and where it clicks is read here, and answered here.
+viser listens on loopback and accepts everybody. Nothing that a browser sends may be passed on to it: its messages can
+change what others see, and one of them opens a tunnel to the internet. So the proxy itself reads what a page reports
+(where its camera stands, and clicks), and answers it.
 """
 
 from __future__ import annotations
@@ -20,43 +20,43 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, WebSocketException
 from websockets.typing import Subprotocol
 
-from backend.bridge.closing import LEFT, TRY_AGAIN_LATER, End
-from backend.bridge.login import Gate, Login
-from backend.bridge.race import first_of
-from backend.bridge.scene import page as visers_page
-from backend.bridge.scene import viser_wire
-from backend.bridge.scene.eye import Report
-from backend.bridge.scene.outgoing import SECONDS, UNREAD, send_latest
-from backend.bridge.scene.scene import Scene, SceneDownError
-from backend.bridge.scene.viewer_id import refusal, refuse, viewer_id
-from backend.bridge.scene.viewers import Page, Viewer
+from backend.bridge.close_codes import CLIENT_LEFT, TRY_AGAIN_LATER, CloseReason
+from backend.bridge.first_completed import first_completed
+from backend.bridge.login import Authenticator, Login
+from backend.bridge.scene import viser_internals
+from backend.bridge.scene.conflating_queue import NOT_READING, SEND_SECONDS, send_newest
+from backend.bridge.scene.drawing.camera_views import View
+from backend.bridge.scene.scene import Scene, SceneUnavailableError
+from backend.bridge.scene.viewers.viewer_camera import CameraReport
+from backend.bridge.scene.viewers.viewer_id import invalid_id_response, refuse_invalid_id, viewer_id
+from backend.bridge.scene.viewers.viewers import PageQueue, Viewer
 
 _START_SECONDS = 20.0
-_NOT_READY = End(TRY_AGAIN_LATER, "The scene is not ready.")
+_NOT_READY = CloseReason(TRY_AGAIN_LATER, "The scene is not ready.")
 
 log = logging.getLogger(__name__)
 
 
 class ScenePage:
-    """The page. It is fetched from viser once and kept."""
+    """viser's page. It is fetched from viser once and kept."""
 
-    def __init__(self, gate: Gate, scene: Scene) -> None:
-        self._gate = gate
+    def __init__(self, authenticator: Authenticator, scene: Scene) -> None:
+        self._authenticator = authenticator
         self._scene = scene
         self._page: str | None = None
         self._etag = ""
 
     async def answer(self, request: Request) -> Response:
-        """`GET /scene/` and `GET /scene/<viewer>/`, the same page. Raises `LoginError`."""
-        self._gate.login(request)
+        """`GET /scene/` and `GET /scene/<viewer>/`, the same page. Raises `LoginError` or `RegistryError`."""
+        self._authenticator.authenticate(request)
         if "viewer" in request.path_params and viewer_id(request) is None:
-            return refusal()
+            return invalid_id_response()
         try:
             text = self._page or await self._fetch()
-        except SceneDownError as error:
+        except SceneUnavailableError as error:
             return JSONResponse({"error": str(error)}, status_code=503)
         headers = {
-            "Content-Security-Policy": visers_page.POLICY,
+            "Content-Security-Policy": viser_internals.CONTENT_SECURITY_POLICY,
             "Cache-Control": "private, no-cache",
             "ETag": self._etag,
         }
@@ -70,38 +70,44 @@ class ScenePage:
                 answer = await client.get(f"http://127.0.0.1:{await self._scene.port()}/")
                 answer.raise_for_status()
         except (httpx.HTTPError, TimeoutError):
-            raise SceneDownError("The scene is not ready. Try again in a moment.") from None
-        self._page = visers_page.patched(answer.text)
+            raise SceneUnavailableError("The scene is not ready. Try again in a moment.") from None
+        self._page = viser_internals.patched_page(answer.text)
         self._etag = f'"{hashlib.sha256(self._page.encode()).hexdigest()[:32]}"'
         return self._page
 
 
-async def with_slash(request: Request) -> Response:
-    """`GET /scene`: the page finds its WebSocket by its own address, which has to end in a slash."""
+async def redirect_to_slash(request: Request) -> Response:
+    """`GET /scene`: the page finds its WebSocket relative to its own address, which has to end in a slash."""
     if "viewer" in request.path_params:
         identifier = viewer_id(request)
-        return refusal() if identifier is None else RedirectResponse(f"/scene/{identifier}/", status_code=308)
+        if identifier is None:
+            return invalid_id_response()
+        return RedirectResponse(f"/scene/{identifier}/", status_code=308)
     return RedirectResponse("/scene/", status_code=308)
 
 
 class SceneSocket:
-    """The WebSocket between a viewer's page and viser."""
+    """Serves the WebSockets between the viewers' pages and viser."""
 
-    def __init__(self, gate: Gate, scene: Scene) -> None:
-        self._gate = gate
+    def __init__(self, authenticator: Authenticator, scene: Scene) -> None:
+        self._authenticator = authenticator
         self._scene = scene
 
-    async def serve(self, websocket: WebSocket, login: Login) -> End | None:
-        """Relay one viewer, until either side is gone, or the login ends."""
+    async def serve(self, websocket: WebSocket, login: Login) -> CloseReason | None:
+        """Relay viser to one page until either side has closed, or the login ends."""
         identifier = viewer_id(websocket) if "viewer" in websocket.path_params else uuid.uuid4().hex
         if identifier is None:
-            await refuse(websocket)
+            await refuse_invalid_id(websocket)
             return None
         with self._scene.viewers.viewer((login.identity.name, identifier)) as viewer:
             return await self._relay(websocket, login, viewer)
 
-    async def _relay(self, websocket: WebSocket, login: Login, viewer: Viewer) -> End:
-        offered = [Subprotocol(name) for name in websocket.scope["subprotocols"] if name.startswith("viser-")]
+    async def _relay(self, websocket: WebSocket, login: Login, viewer: Viewer) -> CloseReason:
+        offered = [
+            Subprotocol(name)
+            for name in websocket.scope["subprotocols"]
+            if name.startswith(viser_internals.SUBPROTOCOL_PREFIX)
+        ]
         try:
             async with asyncio.timeout(_START_SECONDS):
                 port = await self._scene.port()
@@ -114,43 +120,43 @@ class SceneSocket:
                 ping_interval=None,
             ) as viser:
                 await websocket.accept(subprotocol=viser.subprotocol)
-                page = Page()
-                viewer.page_opened(page)
+                queue = PageQueue()
+                viewer.page_opened(queue)
                 try:
                     with self._scene.watched():
-                        return await first_of(
-                            self._listen(websocket, viewer, page),
+                        return await first_completed(
+                            self._read(websocket, viewer, queue),
                             _pass_on(viser, websocket),
-                            send_latest(page, websocket.send_bytes),
-                            self._gate.until_ended(login),
+                            send_newest(queue, websocket.send_bytes),
+                            self._authenticator.until_login_ends(login),
                         )
                 finally:
-                    viewer.page_closed(page)
-        except (SceneDownError, OSError, WebSocketException, TimeoutError) as error:
+                    viewer.page_closed(queue)
+        except (SceneUnavailableError, OSError, WebSocketException, TimeoutError) as error:
             log.warning("scene: viser cannot be reached: %s", error)
             return _NOT_READY
 
-    async def _listen(self, websocket: WebSocket, viewer: Viewer, page: Page) -> End:
+    async def _read(self, websocket: WebSocket, viewer: Viewer, queue: PageQueue) -> CloseReason:
         while True:
             message = await websocket.receive()
             if message["type"] == "websocket.disconnect":
-                return LEFT
-            match viser_wire.decode(message.get("bytes") or b""):
-                case Report() as report:
-                    viewer.reported(page, report)
-                case viser_wire.Click() as click:
-                    self._scene.viewers.clicked(viewer, page, click)
+                return CLIENT_LEFT
+            match viser_internals.decode(message.get("bytes") or b""):
+                case viser_internals.PageCamera(position, look_at, aspect):
+                    viewer.camera_reported(queue, CameraReport(View(position, look_at), aspect))
+                case viser_internals.Click() as click:
+                    self._scene.viewers.clicked(viewer, queue, click)
 
 
-async def _pass_on(viser: ClientConnection, websocket: WebSocket) -> End:
+async def _pass_on(viser: ClientConnection, websocket: WebSocket) -> CloseReason:
     try:
         async for frame in viser:
-            async with asyncio.timeout(SECONDS):
+            async with asyncio.timeout(SEND_SECONDS):
                 await websocket.send_bytes(frame if isinstance(frame, bytes) else frame.encode())
     except TimeoutError:
-        return UNREAD
+        return NOT_READING
     except WebSocketDisconnect:
-        return LEFT
+        return CLIENT_LEFT
     except ConnectionClosed:
         pass
     return _NOT_READY

@@ -1,0 +1,1 @@
+"""What the scene shows: each telemetry message becomes nodes of viser's scene graph. It knows no viewers."""

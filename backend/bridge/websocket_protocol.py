@@ -1,0 +1,113 @@
+"""uvicorn's WebSocket protocol, extended for a relay: messages can bypass the ASGI queue.
+
+Through ASGI every message costs two turns of the event loop, reading from the socket is switched off and on again, and
+bytes become text and bytes again. A relay needs none of that. It needs what ASGI lacks: to know when the client reads
+slowly, and to disconnect it. The handshake, pings, fragments and closing remain uvicorn's.
+
+It builds on a class of uvicorn that is not public API: `pyproject.toml` pins uvicorn's minor version.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any, Protocol, cast
+
+from starlette.types import Scope
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+from websockets.exceptions import InvalidState
+from websockets.http11 import Request
+
+_EXTENSION = "robot-acp.websocket"
+
+
+class MessageReceiver(Protocol):
+    """Receives the messages of one WebSocket. Its methods are called from the event loop and must not block."""
+
+    def client_message(self, message: bytes) -> None:
+        """A whole message has arrived, text or binary."""
+
+    def client_congested(self, congested: bool) -> None:
+        """The client reads too slowly (True), or has caught up (False)."""
+
+
+class WebSocketProtocol(WebSocketsSansIOProtocol):
+    """One connection. It is plain ASGI until `take_over`; its end is always reported through ASGI."""
+
+    _receiver: MessageReceiver | None = None  # set by take_over
+
+    @staticmethod
+    def of(scope: Scope) -> WebSocketProtocol:
+        """The connection of an ASGI scope; the server has to run with `ws=WebSocketProtocol`."""
+        return cast(WebSocketProtocol, scope["extensions"][_EXTENSION])
+
+    def take_over(self, receiver: MessageReceiver) -> None:
+        """Give `receiver` every message from now on, first those that wait in the ASGI queue."""
+        self._receiver = receiver
+        waiting: asyncio.Queue[Any] = self.queue
+        for _ in range(waiting.qsize()):
+            event = waiting.get_nowait()
+            if event["type"] == "websocket.receive":
+                text = event.get("text")
+                receiver.client_message(event["bytes"] if text is None else text.encode())
+            else:
+                waiting.put_nowait(event)
+        self.resume_reading()
+
+    def send_texts(self, messages: list[bytes]) -> None:
+        """Send each as one text message, in one write. Does nothing once the connection is closing."""
+        if self.close_sent or self.transport.is_closing():
+            return
+        try:
+            for message in messages:
+                self.conn.send_text(message)
+        except InvalidState:  # the client is closing; its close frame ends the connection
+            return
+        self.transport.write(b"".join(self.conn.data_to_send()))
+
+    def pause_reading(self) -> None:
+        """Stop reading, so that the client's messages wait in its own buffers."""
+        self.read_paused = True  # lets uvicorn resume reading when it waits for the client's close frame
+        self.transport.pause_reading()
+
+    def resume_reading(self) -> None:
+        """Read again."""
+        self.read_paused = False
+        self.transport.resume_reading()
+
+    def unsent(self) -> int:
+        """The bytes that wait for the client to read them."""
+        return self.transport.get_write_buffer_size()
+
+    def abort(self) -> None:
+        """Disconnect at once; what waits to be sent is lost."""
+        self.transport.abort()
+
+    # Called by uvicorn:
+
+    def handle_connect(self, event: Request) -> None:
+        """Add this connection to the scope of a WebSocket whose handshake is valid."""
+        super().handle_connect(event)
+        if self.response.status_code == 101:
+            cast(dict[str, object], self.scope["extensions"])[_EXTENSION] = self
+
+    def send_receive_event_to_app(self) -> None:
+        """Pass on a whole message."""
+        if self._receiver is None:
+            super().send_receive_event_to_app()
+            return
+        message = self.frames[0] if len(self.frames) == 1 else b"".join(self.frames)
+        self.frames = []
+        if not self.close_sent:
+            self._receiver.client_message(message)
+
+    def pause_writing(self) -> None:
+        """Report that the client reads too slowly."""
+        super().pause_writing()
+        if self._receiver is not None:
+            self._receiver.client_congested(True)
+
+    def resume_writing(self) -> None:
+        """Report that the client has caught up."""
+        super().resume_writing()
+        if self._receiver is not None:
+            self._receiver.client_congested(False)
