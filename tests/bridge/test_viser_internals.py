@@ -20,6 +20,7 @@ from tests.bridge.viser_page import CAMERA, CLICK, SUBPROTOCOL, dial, messages_i
 
 MESSAGES = viser._messages
 CLIENT = Path(viser.__file__).parent / "client"
+SCENE = Path(viser_internals.__file__).parent
 
 
 async def wait_for_idle_page(server: viser.ViserServer, wait_until) -> None:
@@ -124,3 +125,24 @@ def test_the_patches_are_in_the_head_of_visers_page_before_its_own_scripts():
     assert patched.index("window.requestAnimationFrame = ") < patched.index(own_script)
     with pytest.raises(ValueError, match="no <head>"):
         viser_internals.patched_page("<!doctype html><body>")
+
+
+def test_no_other_file_rests_on_visers_inside():
+    inside = ("_websock_server", "_messages", "zstandard", "requestAnimationFrame", 'Message"', "console.quiet")
+    for file in SCENE.rglob("*.py"):
+        found = [name for name in inside if name in file.read_text()]
+        assert bool(found) == (file.name == "viser_internals.py"), (file, found)
+
+
+@pytest.mark.parametrize(
+    ("room", "may_not_import"),
+    [
+        ("drawing", ("backend.bridge.scene.viewers", "starlette", "from websockets")),
+        ("viewers", ("import viser\n", "backend.bridge.scene.scene ", "from websockets")),
+    ],
+)
+def test_what_is_drawn_knows_no_viewers_and_those_who_view_it_draw_nothing(room, may_not_import):
+    files = list((SCENE / room).glob("*.py"))
+    assert len(files) > 3
+    for file in files:
+        assert not [name for name in may_not_import if name in file.read_text()], file
