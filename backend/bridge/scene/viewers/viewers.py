@@ -37,7 +37,7 @@ class Viewer:
         self._control: ControlQueue | None = None
         self._on_replaced: Callable[[], None]  # set with the control
         self._is_picking = False
-        self._reported_view: str | None = None  # the view that the control was told last
+        self._reported_view: str | None = None  # the view that was last sent to the control
 
     def page_opened(self, page: PageQueue) -> None:
         """A page has connected."""
