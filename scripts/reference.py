@@ -26,10 +26,11 @@ from backend import cli, config, telemetry
 from backend import meta as keys
 from backend.bridge import app as bridge
 from backend.mcp_robot import refusal, robots
-from backend.mcp_robot.http.app import create_app
+from backend.mcp_robot.http.routes import create_app
 from backend.mcp_robot.motion.pilot import Pilot
 from backend.mcp_robot.motion.stop import StopLatch
 from backend.mcp_robot.tools import catalogue
+from backend.mcp_robot.tools.mcp_server import RobotServer
 
 ROOT = Path(__file__).parent.parent
 FOLDER = ROOT / "docs/reference"
@@ -102,7 +103,7 @@ def _prose(docstring: str | None) -> str:
 # Tools
 
 
-def _tools_page(server: catalogue.RobotServer) -> str:
+def _tools_page(server: RobotServer) -> str:
     tools = asyncio.run(server.list_tools())
     codes = ", ".join(_code(code) for code in get_args(refusal.Code))
     parts = [
