@@ -12,12 +12,15 @@ from typing import Any
 
 from playwright.async_api import Page, expect
 
+from tests.deep import DEEP
+
 AXE = Path(__file__).parents[2] / "web/node_modules/axe-core/axe.min.js"
 LEVELS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]
 
 WIDE = {"width": 1440, "height": 900}
 TABLET = {"width": 820, "height": 1180}
 PHONE = {"width": 390, "height": 844}
+USUAL = (WIDE, TABLET, PHONE) if DEEP else (WIDE, PHONE)
 
 OVERFLOW = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
 TARGETS = ":is(button, input):visible"
@@ -61,12 +64,13 @@ def told(node: dict[str, Any]) -> str:
 
 
 async def everywhere(page: Page, state: str, *sizes: dict[str, int], stop: bool = True) -> None:
-    """`accessible` in every size (all three where none is given), light and dark.
+    """`accessible` in each of the sizes, light and dark; where none is given, on a wide screen and on a phone, and in
+    a deep run on a tablet, too.
 
     Colours alone differ between the two, so that the second look is for contrast alone. Motion is off, or a colour
     on its way to another would be measured.
     """
-    for size in sizes or (WIDE, TABLET, PHONE):
+    for size in sizes or USUAL:
         await page.set_viewport_size(size)
         await page.evaluate(PAINTED)  # the layout has followed
         for scheme, rules in (("light", ""), ("dark", "color-contrast")):
