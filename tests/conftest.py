@@ -66,5 +66,16 @@ def _starts_processes(item: pytest.Item) -> bool:
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The files that take long begin; the order is otherwise the random one, whose seed the first lines show."""
-    items.sort(key=_rank)
+    """The files that take long begin; the order is otherwise the random one, whose seed the first lines show.
+
+    A file of end_to_end keeps its own order: its tests are one robot's day, seen through one browser.
+    """
+    first: dict[Path, int] = {}
+    for number, item in enumerate(items):
+        first.setdefault(item.path, number)
+
+    def place(item: pytest.Item) -> tuple[int, int, int]:
+        in_order = item.path.parent == HERE / "end_to_end"
+        return _rank(item), first[item.path], (item.location[1] or 0) if in_order else 0
+
+    items.sort(key=place)

@@ -30,9 +30,12 @@ STARTS_S = 90.0
 """The same for processes that begin: they load their libraries, several at once, beside other things."""
 
 
-_ports = itertools.cycle(random.sample(range(20_000, 32_000), 12_000))
+WORKERS = 8
+_worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+_ports = itertools.cycle(random.SystemRandom().sample(range(20_000 + _worker % WORKERS, 32_000, WORKERS), 1_500))
 """Below those that a system gives to connections that go out: such a one would take the port of a server that is down
-for a moment, and could even be a connection to itself. None comes twice in a run."""
+for a moment, and could even be a connection to itself. None comes twice in a run. Workers of one run share none: their
+`random` begins with the same seed, and each would look for the port that the other is about to take."""
 
 
 def free_port() -> int:

@@ -165,7 +165,7 @@ class Strict:
 def strict(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Strict]:
     table = {mode: dict.fromkeys(ASKING[request.param], "ask") for mode in MODES_IN_ORDER}
     patient = Robot(tmp_path_factory.mktemp("data"), {"ROBOT_ACP_AGENT__POLICY": json.dumps(table)})
-    hasty = patient.with_another_agent({"ROBOT_ACP_AGENT__PERMISSION_TIMEOUT": "1"})
+    hasty = patient.with_another_agent({"ROBOT_ACP_AGENT__PERMISSION_TIMEOUT": "0.4"})
     with (
         patient.running("robot", "--time-scale", TIME_SCALE, port=patient.robot_port),
         patient.running("agent", port=patient.agent_port),
