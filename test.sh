@@ -8,6 +8,8 @@ set -eu
 cd "$(dirname "$0")"
 . scripts/prepare.sh
 
+unset PYTHONDONTWRITEBYTECODE # without bytecode every start of a Python costs some tenths of a second more
+
 depth=usual
 case "${1:-}" in
   --quick | --deep) depth=${1#--}; shift ;;

@@ -1,4 +1,4 @@
-"""For all tests: what they need is found, the slowest files come first, each test has a time limit, and those that
+"""For all tests: what they need is found, two workers share them well, each test has a time limit, and those that
 start no process can be run alone (`-m "not processes"`)."""
 
 from __future__ import annotations
@@ -7,35 +7,21 @@ import importlib.util
 import os
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pytest
+from xdist.scheduler import LoadFileScheduling
 
 from tests.deep import DEEP
 
-SLOWEST_FIRST = (
-    "test_papers_session",
-    "test_kiosk",
-    "test_accessibility",
-    "test_watchdog",
-    "test_halted",
-    "test_questions",
-    "test_dashboard",
-    "test_scene",
-    "test_activity",
-    "test_interleavings",
-    "test_adapter",
-    "test_people",
-)
 HERE = Path(__file__).parent
 FOLDERS_WITH_PROCESSES = ("chat", "conformance", "end_to_end", "gateway", "ros2")
 FIXTURES_WITH_PROCESSES = {"browser", "page", "up"}
 PARAMETERS_WITH_PROCESSES = ("ros2", "postgresql")
-TIME_LIMIT_S = 1800.0 if DEEP else 180.0
-
-
-def _rank(item: pytest.Item) -> int:
-    name = item.path.stem
-    return SLOWEST_FIRST.index(name) if name in SLOWEST_FIRST else len(SLOWEST_FIRST)
+TIME_LIMIT_S = 1800.0 if DEEP else 300.0
+BEGIN = ("test_papers_session", "test_kiosk", "test_accessibility", "test_scene", "test_dashboard", "test_activity")
+END = ("test_permission_table", "test_watchdog", "test_interleavings", "test_adapter", "test_processes")
+"""The files that take longest, of those that draw pages and of the others. `FromBothEnds` begins with both."""
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -64,9 +50,26 @@ def _starts_processes(item: pytest.Item) -> bool:
     )
 
 
+class FromBothEnds(LoadFileScheduling):
+    """Gives every second worker the files from the end.
+
+    Pages that are drawn use a whole processor, most other tests wait for a robot. So one worker begins with the pages,
+    the other with what waits, and they meet in the middle: no processor is idle, and no two pages are drawn at once.
+    """
+
+    def _assign_work_unit(self, node: Any) -> None:
+        if self.nodes.index(node) % 2:
+            self.workqueue.move_to_end(next(reversed(self.workqueue)), last=False)
+        super()._assign_work_unit(node)
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> FromBothEnds:
+    return FromBothEnds(config, log)
+
+
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The files that take long begin; the order is otherwise the random one, whose seed the first lines show.
+    """Pages come first. The order is otherwise the random one, whose seed the first lines show.
 
     A file of end_to_end keeps its own order: its tests are one robot's day, seen through one browser.
     """
@@ -74,8 +77,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for number, item in enumerate(items):
         first.setdefault(item.path, number)
 
-    def place(item: pytest.Item) -> tuple[int, int, int]:
-        in_order = item.path.parent == HERE / "end_to_end"
-        return _rank(item), first[item.path], (item.location[1] or 0) if in_order else 0
+    def place(item: pytest.Item) -> tuple[bool, int, int, int]:
+        draws, name = item.path.parent == HERE / "end_to_end", item.path.stem
+        begin = BEGIN.index(name) if draws and name in BEGIN else len(BEGIN)
+        end = END.index(name) + 1 if not draws and name in END else 0
+        return not draws, begin + end, first[item.path], (item.location[1] or 0) if draws else 0
 
     items.sort(key=place)
