@@ -140,6 +140,7 @@ async def test_a_click_on_the_floor_and_a_go_send_the_robot_there_as_an_ordinary
     await look(page, "top")
     await page.get_by_test_id("go-here").click()
     async with up.robot.watched() as watched:
+        await watched.until(lambda: watched.state.motion is None, "the end of the drive of the test before")
         x, y = await point_at_the_corridor(page)
         assert watched.state.motion is None, "a click alone moves nothing"
         await page.get_by_test_id("go-here-go").click()

@@ -18,6 +18,7 @@ import logging
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import sysconfig
@@ -135,8 +136,14 @@ def _make(folder: Path, distro: Distro, packages: list[str]) -> None:
     with tempfile.TemporaryDirectory(dir=folder.parent) as scratch:
         made = Path(scratch) / "made"
         builds = [_build(Path(scratch) / package, package, distro, made) for package in packages]
-        for build in builds:
-            _finish(*build)
+        try:
+            for build in builds:
+                _finish(*build)
+        finally:
+            for process, _ in builds:  # one that went on would write into the folder while it is removed
+                with contextlib.suppress(ProcessLookupError):
+                    os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
         kept = Path(scratch) / "kept"
         kept.mkdir()
         for part in made.glob("lib/*.so"):  # the rest is for building further packages
@@ -169,15 +176,14 @@ def _build(scratch: Path, package: str, distro: Distro, made: Path) -> tuple[sub
         'set -e; log=$1; build=$2; shift 2; "$@" >"$log" 2>&1; "$1" --build "$build" --target install >>"$log" 2>&1'
     )
     command = ["sh", "-c", script, "sh", str(log), str(build), *configure, *options]
-    return subprocess.Popen(command, env=environment, stdin=subprocess.DEVNULL), log  # noqa: S603
+    process = subprocess.Popen(command, env=environment, stdin=subprocess.DEVNULL, start_new_session=True)  # noqa: S603
+    return process, log
 
 
 def _finish(process: subprocess.Popen[bytes], log: Path) -> None:
     try:
         status = process.wait(BUILD_LIMIT)
     except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
         raise Ros2Missing(f"Generating the ROS interfaces took longer than {BUILD_LIMIT:.0f} s.") from None
     if status:
         lines = log.read_text(errors="replace").splitlines() if log.is_file() else []
