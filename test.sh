@@ -1,7 +1,7 @@
 #!/bin/sh
 # Checks and tests all of backend/ and web/. On two cores with nothing else running:
-#   ./test.sh --quick   after every change: format, lint, types, and the tests that start no process (at most 4 minutes)
-#   ./test.sh           before a change lands, and what CI runs: all tests (at most 15 minutes)
+#   ./test.sh --quick   after every change: format, lint, types, and the tests that start no process (7 minutes)
+#   ./test.sh           before a change lands, and what CI runs: all tests (21 minutes)
 #   ./test.sh --deep    every generated case with fresh seeds, coverage, and a soak (more than an hour)
 # Further arguments go to pytest. The first call installs what is missing.
 set -eu
