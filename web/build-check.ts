@@ -4,7 +4,7 @@ import type { Plugin, Rollup } from "vite";
 const KIOSK = "/src/kiosk/kiosk.tsx";
 const FOREIGN = [
   /\/node_modules\/(?:radix-ui|@radix-ui)\//,
-  /\/src\/components\/(?!shared\/)/,
+  /\/src\/components\/(?!common\/)/,
   /\/src\/styles\/dashboard\.css/,
 ];
 

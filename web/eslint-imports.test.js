@@ -33,7 +33,7 @@ it("lets a folder import only what the table allows", () => {
 it("keeps the dashboard's components out of the kiosk, also where they are loaded later", () => {
   const text = 'const header = import("../components/header/header");';
   expect(reported("kiosk/new.tsx", text)).toEqual(["imports/direction"]);
-  expect(reported("kiosk/new.tsx", 'import { Mark } from "../components/shared/mark";')).toEqual([]);
+  expect(reported("kiosk/new.tsx", 'import { Mark } from "../components/common/mark";')).toEqual([]);
 });
 
 it("reports a circle, also one of types alone", () => {

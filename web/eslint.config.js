@@ -20,9 +20,9 @@ const MAY_IMPORT = {
   attention: [...DATA, "acp"],
   hooks: ACTIONS,
   // What both screens use. It must stay small: every visitor's kiosk loads it.
-  "components/shared": [...ACTIONS, "hooks"],
-  components: [...ACTIONS, "hooks", "components/shared"],
-  kiosk: [...ACTIONS, "hooks", "components/shared"],
+  "components/common": [...ACTIONS, "hooks"],
+  components: [...ACTIONS, "hooks", "components/common"],
+  kiosk: [...ACTIONS, "hooks", "components/common"],
 };
 
 /** Only the modules that give such a name may write it; everybody else uses the constant. */

@@ -2,8 +2,8 @@
 import { lazy, Suspense } from "react";
 import { useTranslation } from "react-i18next";
 import { identityOf } from "./acp/connection/connection";
-import { Crash } from "./components/shared/crash";
-import { LoginPage } from "./components/shared/login-page";
+import { Crash } from "./components/common/crash";
+import { LoginPage } from "./components/common/login-page";
 import { isKiosk } from "./screen";
 import { useStore } from "./state/store";
 

@@ -1,7 +1,7 @@
 /** The live map, small and without controls, where the screen has room for it. */
 import { useSyncExternalStore } from "react";
 import { useTranslation } from "react-i18next";
-import { SceneFrame } from "../components/shared/scene-frame";
+import { SceneFrame } from "../components/common/scene-frame";
 import { robotName, useStore } from "../state/store";
 
 const ROOM = window.matchMedia("(min-width: 700px) and (min-height: 900px)");

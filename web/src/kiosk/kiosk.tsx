@@ -3,7 +3,7 @@ import { useCallback, useEffect, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { stopRobot } from "../acp/connection/connection";
 import { sendRequest, endVisit, startKiosk } from "../acp/screens/kiosk-visit";
-import { StopButton } from "../components/shared/stop-button";
+import { StopButton } from "../components/common/stop-button";
 import { canPrompt } from "../state/rights";
 import { conversationOf, robotName, setState, useMe, useStore } from "../state/store";
 import { AskBar } from "./ask/ask-bar";

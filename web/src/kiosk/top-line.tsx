@@ -1,7 +1,7 @@
 /** The robot's name, the way back to the greeting, and the languages. */
 import { RotateCcw } from "lucide-react";
 import { useTranslation } from "react-i18next";
-import { Mark } from "../components/shared/mark";
+import { Mark } from "../components/common/mark";
 import { LANGUAGES } from "../i18n";
 import { robotName, useMe, useStore } from "../state/store";
 import { setLanguage } from "../i18n/page-language";

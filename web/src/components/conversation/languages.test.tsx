@@ -7,7 +7,7 @@ import { EMPTY, type Item, type ToolItem } from "../../state/conversation/conver
 import { INITIAL, setState, toast, type Question } from "../../state/store";
 import { ConversationLog } from "./conversation-log";
 import { QuestionCard } from "../questions/question-card";
-import { SentenceWithQuote } from "../shared/sentence-with-quote";
+import { SentenceWithQuote } from "../common/sentence-with-quote";
 import { StopFailed } from "../alerts/stop-band";
 import { Toasts } from "../dashboard/toasts";
 

@@ -6,11 +6,11 @@ import { useTranslation } from "react-i18next";
 import type { ContentBlock } from "@agentclientprotocol/sdk";
 import type { AgentItem, NoteItem, UserItem } from "../../state/conversation/conversation";
 import { robotName, useMe, useStore } from "../../state/store";
-import { Sound } from "../shared/sound-player";
-import { SentenceWithQuote } from "../shared/sentence-with-quote";
+import { Sound } from "../common/sound-player";
+import { SentenceWithQuote } from "../common/sentence-with-quote";
 import { Picture } from "./picture";
 
-const Markdown = lazy(() => import("../shared/markdown"));
+const Markdown = lazy(() => import("../common/markdown"));
 
 /** Markdown is loaded in a chunk of its own; until then the text is shown unformatted. */
 function Formatted({ text }: { text: string }) {

@@ -2,7 +2,7 @@
 import { X } from "lucide-react";
 import { Dialog } from "radix-ui";
 import { useTranslation } from "react-i18next";
-import { safeType } from "../shared/media-type";
+import { safeType } from "../common/media-type";
 
 export function Picture({ data, mimeType, title }: { data: string; mimeType: string; title: string }) {
   const { t } = useTranslation();

@@ -24,11 +24,11 @@ import { LANGUAGES } from "../../i18n";
 import { fixed, percent, speed } from "../../i18n/format";
 import { callText, untranslatedPart } from "../../i18n/agent-terms";
 import { robotName, useMe, useStore } from "../../state/store";
-import { Mark } from "../shared/mark";
+import { Mark } from "../common/mark";
 import { PeopleMenu } from "./people-menu";
-import { SentenceWithQuote } from "../shared/sentence-with-quote";
+import { SentenceWithQuote } from "../common/sentence-with-quote";
 import { SettingSelects } from "./setting-select";
-import { StopButton } from "../shared/stop-button";
+import { StopButton } from "../common/stop-button";
 import { setAndStoreLanguage } from "../../i18n/page-language";
 
 const LOW_BATTERY = 0.2;

@@ -6,7 +6,7 @@ import { useTranslation } from "react-i18next";
 import { sortPeople, waitingSession, type ListedPerson } from "../../state/people";
 import { canTakeOver } from "../../state/rights";
 import { robotName, useMe, useStore } from "../../state/store";
-import { SentenceWithQuote } from "../shared/sentence-with-quote";
+import { SentenceWithQuote } from "../common/sentence-with-quote";
 import { useTakeOver } from "../controls/use-take-over";
 import type { Role } from "../../wire/bridge";
 

@@ -17,7 +17,7 @@ import { canApprove } from "../../state/rights";
 import { robotName, useMe, useStore, type Question } from "../../state/store";
 import { remainingArguments } from "../../state/conversation/remaining-arguments";
 import { DataView } from "../controls/data-view";
-import { SentenceWithQuote } from "../shared/sentence-with-quote";
+import { SentenceWithQuote } from "../common/sentence-with-quote";
 import { CheckboxField } from "../controls/checkbox-field";
 import { COMPOSER_ID, useComposerText } from "../conversation/composer-text";
 

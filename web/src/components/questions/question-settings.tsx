@@ -9,7 +9,7 @@ import { useLayout } from "../../hooks/use-layout";
 import { untranslatedTitle, toolText } from "../../i18n/agent-terms";
 import { canApprove } from "../../state/rights";
 import { conversationOf, robotName, useMe, useStore } from "../../state/store";
-import { SentenceWithQuote } from "../shared/sentence-with-quote";
+import { SentenceWithQuote } from "../common/sentence-with-quote";
 import { CheckboxField } from "../controls/checkbox-field";
 import { loadAbilities } from "../../acp/sessions/abilities";
 

@@ -4,7 +4,7 @@ import { useTranslation } from "react-i18next";
 import { degrees, fixed, metres, percent, wholeSeconds, speed } from "../../i18n/format";
 import { useRobotState } from "../../hooks/use-robot-state";
 import { robotName, useStore } from "../../state/store";
-import { SentenceWithQuote } from "../shared/sentence-with-quote";
+import { SentenceWithQuote } from "../common/sentence-with-quote";
 import { SceneView } from "./scene-view";
 
 /** `lazy`: the map costs power and data, so a phone loads it when its pane is first opened, and keeps it then. */

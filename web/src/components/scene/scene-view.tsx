@@ -8,7 +8,7 @@ import { destinationOf, type Destination } from "../../scene/destination";
 import { toast } from "../../state/store";
 import { CameraView } from "./camera-view";
 import { GoHere } from "./go-here";
-import { SceneFrame } from "../shared/scene-frame";
+import { SceneFrame } from "../common/scene-frame";
 import { SceneBar } from "./scene-bar";
 import type { PickedPoint } from "../../wire/scene";
 

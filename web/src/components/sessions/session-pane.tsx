@@ -12,7 +12,7 @@ import { canPrompt } from "../../state/rights";
 import { matchesSearch, searchWords } from "../../state/session-list";
 import { toast, useMe, useStore } from "../../state/store";
 import { Confirm } from "../controls/confirm";
-import { SentenceWithQuote } from "../shared/sentence-with-quote";
+import { SentenceWithQuote } from "../common/sentence-with-quote";
 import { SessionItem } from "./session-item";
 import { SessionSearch } from "./session-search";
 

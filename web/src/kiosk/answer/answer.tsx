@@ -2,16 +2,16 @@
 import { CircleStop, Hand, LoaderCircle } from "lucide-react";
 import { useTranslation } from "react-i18next";
 import { cancelTurn } from "../../acp/sessions/sessions";
-import Markdown from "../../components/shared/markdown";
-import { Sound } from "../../components/shared/sound-player";
-import { SentenceWithQuote } from "../../components/shared/sentence-with-quote";
+import Markdown from "../../components/common/markdown";
+import { Sound } from "../../components/common/sound-player";
+import { SentenceWithQuote } from "../../components/common/sentence-with-quote";
 import { useConversation } from "../../hooks/use-conversation";
 import type { Item } from "../../state/conversation/conversation";
 import { conversationOf, robotName, useStore } from "../../state/store";
 import { exchange, untranslatedIn } from "./robot-activity";
 import { answerOf, pictures, sounds, textOf, thoughtOf } from "./exchange";
 import { useRobotActivity, useActivityDetail, useActivityText } from "./use-robot-activity";
-import { safeType } from "../../components/shared/media-type";
+import { safeType } from "../../components/common/media-type";
 
 export function Answer() {
   const { t } = useTranslation();
