@@ -35,7 +35,7 @@ cat "$said/backend" "$said/web"
 [ "$failed" = 0 ] || fail "The lines above say what has to be mended first."
 
 printf '\nTests of backend/\n'
-workers="-n 2 --dist loadfile --no-loadscope-reorder" # by the order of tests/conftest.py
+workers="-n 3 --dist loadfile --no-loadscope-reorder" # by the order of tests/conftest.py
 case $depth in
   # shellcheck disable=SC2086
   quick) exec .venv/bin/python -m pytest $workers -m "not processes" "$@" ;;

@@ -51,14 +51,14 @@ def _starts_processes(item: pytest.Item) -> bool:
 
 
 class FromBothEnds(LoadFileScheduling):
-    """Gives every second worker the files from the end.
+    """Gives the first worker the files from the beginning, and all others those from the end.
 
     Pages that are drawn use a whole processor, most other tests wait for a robot. So one worker begins with the pages,
-    the other with what waits, and they meet in the middle: no processor is idle, and no two pages are drawn at once.
+    two share what waits, and they meet in the middle: no processor is idle, and no two pages are drawn at once.
     """
 
     def _assign_work_unit(self, node: Any) -> None:
-        if self.nodes.index(node) % 2:
+        if self.nodes.index(node):
             self.workqueue.move_to_end(next(reversed(self.workqueue)), last=False)
         super()._assign_work_unit(node)
 

@@ -19,6 +19,11 @@ export default defineConfig({
   build: { target: "es2022", sourcemap: false, chunkSizeWarningLimit: 900 },
   test: {
     restoreMocks: true,
+    unstubGlobals: true,
+    // One set of modules for all files of a worker takes a quarter of the time. A file that needs the state of another
+    // fails in some order: the first lines show the seed.
+    isolate: false,
+    sequence: { shuffle: { files: true } },
     projects: [
       {
         extends: true,

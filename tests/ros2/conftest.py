@@ -28,6 +28,14 @@ def stand_ins(tmp_path_factory: pytest.TempPathFactory) -> Iterator[StandIns]:
     stand_ins.close()
 
 
+@pytest.fixture(scope="session", autouse=True)
+def generated(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """The ROS interfaces are there before any test begins: the time limit of a command is not for generating them."""
+    from backend.mcp_robot.ros2 import interfaces
+
+    interfaces.generated(tmp_path_factory.mktemp("interfaces"), "kilted")
+
+
 @pytest.fixture
 def interfaces(tmp_path: Path) -> Path:
     """A data folder; this process can import the ROS interfaces."""

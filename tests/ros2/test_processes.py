@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from backend.mcp_robot.ros2 import interfaces
+from backend.mcp_robot.ros2.interfaces import Distro
 from tests.end_to_end.conftest import start
 from tests.processes import PATIENCE_S, Client, Robot, end
 from tests.ros2_robots import VARIABLES, StandIns, free_domain
@@ -37,8 +39,9 @@ async def test_up_on_the_stand_in_serves_the_papers_first_prompt_over_tcp(tmp_pa
 
 
 @pytest.mark.parametrize("distro", ["humble", "jazzy"])
-async def test_a_robot_of_an_older_distribution_is_driven_and_its_failure_told(tmp_path: Path, distro: str) -> None:
+async def test_a_robot_of_an_older_distribution_is_driven_and_its_failure_told(tmp_path: Path, distro: Distro) -> None:
     """Humble's results have no error code, Jazzy's no message to it; both ends speak its interfaces here."""
+    interfaces.generated(tmp_path, distro)
     robot = Robot(
         tmp_path,
         VARIABLES

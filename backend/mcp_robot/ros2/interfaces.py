@@ -57,16 +57,25 @@ def provide(data_dir: Path, distro: Distro) -> str:
 
     May take ten seconds the first time: call it in a thread or before the event loop matters.
     """
+    folder = generated(data_dir, distro)
+    if folder is None:
+        return "installed"
+    _load(folder)
+    return str(folder)
+
+
+def generated(data_dir: Path, distro: Distro) -> Path | None:
+    """The folder with the generated interfaces, which are generated now if they were not; None where ROS itself is
+    installed. Nothing is imported. Raises `Ros2Missing`."""
     require_rclpy()
     absent = [package for package in PACKAGES if importlib.util.find_spec(package) is None]
     if not absent:
-        return "installed"
+        return None
     folder = cache_folder(data_dir) / f"{distro}-{_key(distro, absent)}"
     with _lock(folder):
         if not folder.is_dir():
             _make(folder, distro, absent)
-    _load(folder)
-    return str(folder)
+    return folder
 
 
 def cache_folder(data_dir: Path) -> Path:

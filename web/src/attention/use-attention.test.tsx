@@ -2,6 +2,7 @@
 import { act, renderHook } from "@testing-library/react";
 import { beforeEach, expect, it, vi } from "vitest";
 import { getState, INITIAL, setState, type Question } from "../state/store";
+import { useAttentionSettings } from "./settings";
 import * as sound from "./sound";
 import { useAttention } from "./use-attention";
 
@@ -28,6 +29,7 @@ beforeEach(() => {
   vi.spyOn(window, "focus").mockImplementation(() => undefined);
   vi.spyOn(sound, "chime");
   setState(INITIAL);
+  useAttentionSettings.setState({ sound: true, notify: true });
 });
 
 it("shows each of two that come at once, and takes away the one that was answered", () => {

@@ -8,11 +8,6 @@ import { Composer } from "./composer";
 import { useComposerText } from "./composer-text";
 import type { Role } from "../../wire/bridge";
 
-vi.mock("../../acp/sessions/sessions", () => ({
-  prompt: vi.fn(() => Promise.resolve()),
-  cancelTurn: vi.fn(() => Promise.resolve()),
-}));
-
 function show(state: Partial<State> = {}, role: Role = "supervisor"): void {
   setState({
     ...INITIAL,
@@ -32,7 +27,8 @@ const running = { conversations: { s1: { ...EMPTY, turn: { id: "t1", cancelling:
 
 beforeEach(() => {
   useComposerText.setState({ text: "" });
-  vi.mocked(sessions.prompt).mockClear();
+  vi.spyOn(sessions, "prompt").mockResolvedValue();
+  vi.spyOn(sessions, "cancelTurn").mockResolvedValue();
 });
 
 describe("the field", () => {

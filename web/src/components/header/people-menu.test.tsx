@@ -2,14 +2,13 @@
 import { act, fireEvent, render, screen } from "@testing-library/react";
 import { beforeEach, expect, it, vi } from "vitest";
 import { RequestError } from "@agentclientprotocol/sdk";
-import { getAgent } from "../../acp/connection/agent";
+import * as agent from "../../acp/connection/agent";
 import { parseTelemetry } from "../../wire/telemetry";
 import { getState, INITIAL, setState } from "../../state/store";
 import { PeopleMenu } from "./people-menu";
 import { METHODS } from "../../wire/methods";
 
 const request = vi.fn();
-vi.mock("../../acp/connection/agent", () => ({ getAgent: vi.fn() }));
 
 const ana = { name: "Ana", role: "operator" as const, connections: 1, sessions: [] };
 
@@ -30,7 +29,7 @@ beforeEach(() => {
     },
   );
   vi.clearAllMocks();
-  vi.mocked(getAgent).mockReturnValue({ request } as never);
+  vi.spyOn(agent, "getAgent").mockReturnValue({ request } as never);
   setState({
     ...INITIAL,
     link: { status: "online" },

@@ -7,11 +7,6 @@ import { EMPTY } from "../../state/conversation/conversation";
 import { INITIAL, setState, type State } from "../../state/store";
 import { GoHere } from "./go-here";
 
-vi.mock("../../acp/sessions/sessions", () => ({
-  prompt: vi.fn(() => Promise.resolve()),
-  getAgent: () => null,
-}));
-
 const onDone = vi.fn();
 const onDestination = vi.fn();
 
@@ -35,6 +30,7 @@ const list = (): HTMLSelectElement => screen.getByTestId("go-here-place");
 beforeEach(() => {
   vi.stubGlobal("matchMedia", () => ({ matches: false }));
   vi.clearAllMocks();
+  vi.spyOn(sessions, "prompt").mockResolvedValue();
 });
 
 it("says what to do, and goes nowhere before somebody has chosen", () => {
