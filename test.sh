@@ -1,6 +1,6 @@
 #!/bin/sh
 # Checks and tests all of backend/ and web/. On two cores with nothing else running:
-#   ./test.sh --quick   after every change: format, lint, types, and the tests that start no process (7 minutes)
+#   ./test.sh --quick   after every change: format, lint, types, and the tests that take no process and no patience (7 minutes)
 #   ./test.sh           before a change lands, and what CI runs: all tests (21 minutes)
 #   ./test.sh --deep    every generated case with fresh seeds, coverage, and a soak (more than an hour)
 # Further arguments go to pytest. The first call installs what is missing.
@@ -38,7 +38,7 @@ printf '\nTests of backend/\n'
 workers="-n 3 --dist loadfile --no-loadscope-reorder" # by the order of tests/conftest.py
 case $depth in
   # shellcheck disable=SC2086
-  quick) exec .venv/bin/python -m pytest $workers -m "not processes" "$@" ;;
+  quick) exec .venv/bin/python -m pytest $workers -m "not processes and not slow" "$@" ;;
   # shellcheck disable=SC2086
   usual) exec .venv/bin/python -m pytest $workers "$@" ;;
 esac

@@ -43,6 +43,7 @@ def test_a_system_that_allows_too_few_is_told_of() -> None:
     assert "may open 300 files and connections at once, and 700 would be enough" in logged
 
 
+@pytest.mark.processes
 @pytest.mark.skipif(not hasattr(resource, "prlimit"), reason="nobody can ask for the limits of another process")
 @pytest.mark.parametrize("name", ["agent", "bridge"])
 def test_those_that_many_people_connect_to_raise_it(name: str, tmp_path: Path) -> None:

@@ -37,6 +37,7 @@ def listed(robot: Robot) -> list[dict[str, str]]:
     return list(json.loads(command(robot, "list", "--json").stdout))
 
 
+@pytest.mark.processes
 def test_a_token_is_made_listed_and_revoked_by_its_id(robot: Robot) -> None:
     token = command(robot, "create", "--name", "Ana", "--role", "operator", "--expires", "12h").stdout.strip()
     assert Registry(robot.data).verify(token).name == "Ana"
@@ -188,6 +189,7 @@ def _make_and_revoke(data: Path, name: str) -> None:
         tokens.revoke(data, name)
 
 
+@pytest.mark.processes
 def test_processes_that_write_at_once_lose_nothing(tmp_path: Path) -> None:
     context = multiprocessing.get_context("spawn")
     names = ["a", "b", "c", "d"]
@@ -281,6 +283,7 @@ def test_a_writer_that_died_in_the_middle_leaves_the_list_as_it_was(robot: Robot
     assert [record.name for record in tokens.records(robot.data)] == ["Ana", "Ben"]
 
 
+@pytest.mark.processes
 def test_the_login_that_up_prints_is_in_the_list(robot: Robot) -> None:
     up = robot.start("up", stdout=subprocess.PIPE)
     try:
@@ -293,6 +296,7 @@ def test_the_login_that_up_prints_is_in_the_list(robot: Robot) -> None:
     assert Registry(robot.data).verify(token).token_id == record.id
 
 
+@pytest.mark.processes
 async def test_the_revoke_command_ends_a_login_in_use_in_every_process(robot: Robot) -> None:
     token = robot.token("Ana", Role.SUPERVISOR)
     with robot.running("agent", port=robot.agent_port), robot.running("bridge", port=robot.bridge_port):

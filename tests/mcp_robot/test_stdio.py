@@ -16,6 +16,8 @@ from backend import identity
 from backend.mcp_robot.stdio_transport import read_lines
 from tests.processes import PATIENCE_S, free_port
 
+pytestmark = pytest.mark.processes
+
 PROGRAM = """
 import asyncio, sys
 from pathlib import Path

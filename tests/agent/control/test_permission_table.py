@@ -17,6 +17,8 @@ from backend.telemetry import Pose
 from tests.agent.conftest import TIME_SCALE, Opener
 from tests.processes import Client, Robot, Watched, eventually
 
+pytestmark = pytest.mark.processes
+
 WORDS = {
     "get_topological_map": "which places are there?",
     "get_current_pose": "where are you?",

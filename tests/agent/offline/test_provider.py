@@ -133,6 +133,7 @@ asyncio.run(main())
 """
 
 
+@pytest.mark.processes
 def test_an_agent_with_the_offline_model_imports_no_model_library() -> None:
     command = [sys.executable, "-c", AGENT_WITH_THE_OFFLINE_MODEL]
     done = subprocess.run(command, capture_output=True, text=True, check=True)

@@ -125,6 +125,7 @@ async def test_a_write_that_hangs_hides_nothing_and_is_kept_once_whenever_it_end
         assert await work.kept() == ["one", "two", "three"]
 
 
+@pytest.mark.slow
 async def test_a_replay_while_the_log_cannot_be_written_has_no_gap(tmp_path: Path) -> None:
     database = SQLite(tmp_path / "sessions.db")
     async with at_work(database) as work:

@@ -15,6 +15,8 @@ from backend.chat.link import LinkError, RefusedError
 from tests.databases import Database, SQLite
 from tests.processes import PATIENCE_S, Client, Robot, end, eventually
 
+pytestmark = pytest.mark.processes
+
 
 async def test_a_robot_server_that_is_not_there_is_told_and_comes_back_without_a_restart(tmp_path: Path) -> None:
     robot = Robot(tmp_path)

@@ -20,6 +20,8 @@ from tests.agent.crowd import Site
 from tests.agent.turns.interleaving import STEPS, Interleaving
 from tests.deep import DEEP, seed
 
+pytestmark = pytest.mark.processes
+
 EXAMPLES = 100 if DEEP else 15
 AT_LEAST_IN_A_HUNDRED = {
     "load": 80,

@@ -51,6 +51,7 @@ def step_within_limits(simulation: Simulation, limits: Limits, braking: bool = F
     assert simulation.world.grid.clearance(simulation.pose.x, simulation.pose.y) >= FOOTPRINT_RADIUS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limits", LIMITS, ids=["usual", "fast", "slow"])
 @pytest.mark.parametrize("seed", range(3))
 def test_a_drive_arrives_where_asked_and_keeps_every_limit_and_its_distance_to_walls(

@@ -264,6 +264,7 @@ async def test_a_robot_that_gives_up_before_a_closed_door_is_told_as_halted(offi
         assert halted.code == "blocked"
 
 
+@pytest.mark.slow
 async def test_a_robot_that_does_nothing_wrong_never_hears_of_the_guard(office: World, tmp_path: Path) -> None:
     robot = SimulatedRobot(office, Limits(), time_scale=20.0)
     pilot = Pilot(robot, StopLatch(tmp_path), Limits())

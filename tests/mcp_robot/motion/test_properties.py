@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pytest
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 
@@ -255,6 +256,7 @@ def overlap(poses: Floats, squares: Floats, resolution: float, radius: float = F
     return max(0.0, radius - nearest)
 
 
+@pytest.mark.slow
 def test_motions_keep_the_footprint_free_the_limits_and_the_braking_distance() -> None:
     ended: dict[str, int] = {}
     chosen = int(os.environ.get("ROBOT_ACP_TEST_SEED") or secrets.randbits(32)) if DEEP else 0

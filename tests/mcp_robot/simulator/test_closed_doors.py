@@ -33,6 +33,7 @@ def drive(simulation: Simulation, goal: Pose) -> Drive:
     return motion
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["office", "hospital"])
 def test_every_place_is_reached_through_open_doors_and_every_closed_door_shuts_its_way(name: str) -> None:
     building = world.load(name)

@@ -49,6 +49,7 @@ def test_people_walk_at_a_walking_pace_clear_of_walls_and_each_other(office: Wor
     assert sum(way > 10.0 for way in walked) >= 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_the_robot_gets_about_among_people_and_none_of_them_touches_it(office: World, seed: int) -> None:
     simulation = busy(office, seed)

@@ -94,6 +94,7 @@ async def test_a_closed_door_ends_a_drive_as_blocked_with_a_next_step(office: Wo
             await robot.drive(route)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("time_scale", [math.inf, 4.0])
 async def test_another_way_is_told_to_whoever_shows_it(office: World, time_scale: float) -> None:
     robot = SimulatedRobot(office, Limits(), time_scale=time_scale, settings=Simulator())

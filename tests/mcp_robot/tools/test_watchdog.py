@@ -75,6 +75,7 @@ async def seconds_to_rest(reader: Reader) -> float:
     return (await reader.state(lambda s: s.motion is None and s.twist.linear == 0)).time - began
 
 
+@pytest.mark.processes
 @CLIENTS
 async def test_a_client_that_is_killed_in_mid_motion(tmp_path: Path, code: str) -> None:
     async with (
@@ -87,6 +88,7 @@ async def test_a_client_that_is_killed_in_mid_motion(tmp_path: Path, code: str) 
         assert await seconds_to_rest(reader) < WITHIN
 
 
+@pytest.mark.processes
 @CLIENTS
 async def test_a_client_process_that_is_stopped_while_its_kernel_goes_on(tmp_path: Path, code: str) -> None:
     async with (
@@ -99,6 +101,7 @@ async def test_a_client_process_that_is_stopped_while_its_kernel_goes_on(tmp_pat
         assert await seconds_to_rest(reader) < WITHIN
 
 
+@pytest.mark.processes
 @CLIENTS
 async def test_a_line_that_goes_dead_without_closing(tmp_path: Path, code: str) -> None:
     async with (
@@ -112,6 +115,7 @@ async def test_a_line_that_goes_dead_without_closing(tmp_path: Path, code: str) 
         assert await seconds_to_rest(reader) < WITHIN
 
 
+@pytest.mark.processes
 @CLIENTS
 async def test_a_client_that_is_heard_drives_as_long_as_it_takes(tmp_path: Path, code: str) -> None:
     limits = {"client_silence": 2 * SILENCE, "unheard_motion": 2 * SILENCE}
