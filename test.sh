@@ -36,9 +36,10 @@ cat "$said/backend" "$said/web"
 
 printf '\nTests of backend/\n'
 workers="-n 3 --dist loadfile --no-loadscope-reorder" # by the order of tests/conftest.py
+alone="not processes and not slow"
 case $depth in
   # shellcheck disable=SC2086
-  quick) exec .venv/bin/python -m pytest $workers -m "not processes and not slow" "$@" ;;
+  quick) exec .venv/bin/python -m pytest $workers -m "$alone" "$@" ;;
   # shellcheck disable=SC2086
   usual) exec .venv/bin/python -m pytest $workers "$@" ;;
 esac
@@ -47,5 +48,15 @@ export ROBOT_ACP_TEST_DEEP=1
 # shellcheck disable=SC2086
 .venv/bin/python -m pytest $workers --cov --cov-report=term:skip-covered "$@"
 (cd web && npm run --silent coverage)
+
+if python3.13 --version >/dev/null 2>&1; then
+  printf '\nThe quick tests with %s\n' "$(python3.13 --version)"
+  prepare_python requirements-dev.lock .venv/newest python3.13
+  # shellcheck disable=SC2086
+  ROBOT_ACP_TEST_DEEP= .venv/newest/bin/python -m pytest $workers -m "$alone"
+else
+  printf '\nThere is no python3.13: nothing was tested with the newest Python.\n'
+fi
+
 printf '\nSoak\n'
 .venv/bin/python bench/endurance.py --minutes 20

@@ -17,21 +17,23 @@ find_python() {
   fail "Python 3.11, 3.12 or 3.13 is needed, and none was found on the PATH. Install one, then try again."
 }
 
-# prepare_python LOCK: the packages of a lock file, and the project itself, in .venv.
+# prepare_python LOCK [FOLDER PYTHON]: the packages of a lock file, and the project itself, in .venv, or in another folder
+# that is made with another Python.
 prepare_python() {
-  python_stamp=".venv/.installed-$1-$(hash_of "$1" pyproject.toml)"
+  venv=${2:-.venv}
+  python_stamp="$venv/.installed-$1-$(hash_of "$1" pyproject.toml)"
   [ -f "$python_stamp" ] && return
-  if ! [ -x .venv/bin/python ]; then
-    python=$(find_python) || exit 1
-    printf 'Making .venv with %s …\n' "$("$python" --version)"
-    "$python" -m venv .venv || fail "The venv module is missing. On Debian and Ubuntu: apt install python3-venv."
+  if ! [ -x "$venv/bin/python" ]; then
+    python=${3:-$(find_python)} || exit 1
+    printf 'Making %s with %s …\n' "$venv" "$("$python" --version)"
+    "$python" -m venv "$venv" || fail "The venv module is missing. On Debian and Ubuntu: apt install python3-venv."
   fi
   printf 'Installing the Python packages of %s …\n' "$1"
-  .venv/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r "$1" ||
+  "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --require-hashes -r "$1" ||
     fail "The Python packages could not be installed; the lines above say why."
-  .venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e . ||
-    fail "The project could not be installed into .venv; the lines above say why."
-  rm -f .venv/.installed-"$1"-*
+  "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e . ||
+    fail "The project could not be installed into $venv; the lines above say why."
+  rm -f "$venv"/.installed-"$1"-*
   : >"$python_stamp"
 }
 

@@ -1,4 +1,4 @@
-"""The browser of the tests: which Chromium there is, and how it is started. `pytest PATH` alone finds it."""
+"""The browsers of the tests: which there are, and how they are started. `pytest PATH` alone finds them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import os
 import shutil
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from typing import Literal
 
 from playwright.async_api import Browser, async_playwright
 
@@ -32,6 +33,25 @@ async def running_chromium() -> AsyncIterator[Browser]:
     """A Chromium that runs while the context lasts."""
     async with async_playwright() as playwright:
         browser = await playwright.chromium.launch(executable_path=chromium(), args=FLAGS)
+        try:
+            yield browser
+        finally:
+            await browser.close()
+
+
+Other = Literal["firefox", "webkit"]
+
+
+@asynccontextmanager
+async def running_other(name: Other) -> AsyncIterator[Browser | None]:
+    """Playwright's own Firefox or WebKit; None where it is not installed. It cannot drive those of a system: it speaks
+    a protocol to them that only its own builds have."""
+    async with async_playwright() as playwright:
+        kind = getattr(playwright, name)
+        if not os.path.exists(kind.executable_path):  # noqa: ASYNC240 - nothing else runs yet
+            yield None
+            return
+        browser = await kind.launch()
         try:
             yield browser
         finally:

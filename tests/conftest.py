@@ -19,7 +19,10 @@ FOLDERS_WITH_PROCESSES = ("chat", "conformance", "end_to_end", "gateway", "ros2"
 FIXTURES_WITH_PROCESSES = {"browser", "page", "up"}
 PARAMETERS_WITH_PROCESSES = ("ros2", "postgresql")
 TIME_LIMIT_S = 1800.0 if DEEP else 300.0
-BEGIN = ("test_papers_session", "test_kiosk", "test_accessibility", "test_scene", "test_dashboard", "test_activity")
+BEGIN = (
+    "test_papers_session", "test_scene", "test_accessibility", "test_cut", "test_activity", "test_kiosk",
+    "test_dashboard", "test_questions", "test_people",
+)  # fmt: skip
 END = ("test_permission_table", "test_watchdog", "test_interleavings", "test_adapter", "test_processes")
 """The files that take longest, of those that draw pages and of the others. `FromBothEnds` begins with both."""
 

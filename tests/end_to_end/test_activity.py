@@ -67,9 +67,9 @@ async def rows(page: Page) -> list[int]:
 
 
 async def test_the_timeline_of_the_papers_prompt_is_what_the_agent_measured(
-    up: Running, open_page: Opener, pictures: Path
+    up: Running, open_plain: Opener, pictures: Path
 ) -> None:
-    page = await open_page(login(up, "Sue", Role.SUPERVISOR))
+    page = await open_plain(login(up, "Sue", Role.SUPERVISOR))
     await begin(page)
     await ask(page, PAPERS_PROMPT)
     table = page.get_by_test_id("phases")
@@ -195,10 +195,10 @@ async def test_the_panel_is_folded_by_keyboard_and_stays_as_it_was_left(up: Runn
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize(("scheme", "language"), [("light", "en"), ("dark", "es")])
 async def test_it_fits_every_screen(
-    up: Running, open_page: Opener, pictures: Path, size: str, scheme: str, language: str
+    up: Running, open_plain: Opener, pictures: Path, size: str, scheme: str, language: str
 ) -> None:
     options = {"viewport": SIZES[size], "color_scheme": scheme, "locale": language, "has_touch": size != "wide"}
-    page = await open_page(login(up, "Sue", Role.SUPERVISOR), **options)
+    page = await open_plain(login(up, "Sue", Role.SUPERVISOR), **options)
     await expect(page.get_by_test_id("stop")).to_be_in_viewport(ratio=1)
     if size == "phone":
         await page.get_by_role("navigation").get_by_role("button", name=re.compile("Log|Registro")).tap()

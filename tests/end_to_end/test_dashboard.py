@@ -186,8 +186,8 @@ async def test_the_scene_shows_the_map_and_the_robot_moving_on_it(up: Running, o
     await until(changed, "the robot to be drawn elsewhere")
 
 
-async def test_a_stray_enter_approves_nothing(up: Running, open_page: Opener) -> None:
-    page = await open_page(login(up, "Sue", Role.SUPERVISOR))
+async def test_a_stray_enter_approves_nothing(up: Running, open_plain: Opener) -> None:
+    page = await open_plain(login(up, "Sue", Role.SUPERVISOR))
     await ready(page)
     await screens.new_session(page)
     async with up.robot.watched() as watched:

@@ -48,9 +48,9 @@ def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
         yield running
 
 
-async def supervisor(up: Running, open_page: Opener, *, listening: bool = False, **options: object) -> Page:
+async def supervisor(up: Running, open_plain: Opener, *, listening: bool = False, **options: object) -> Page:
     """Sue's page, in a session of its own."""
-    page = await open_page("about:blank", **options)
+    page = await open_plain("about:blank", **options)
     if listening:
         await page.add_init_script(LISTEN)
     await page.goto(login(up, "Sue", Role.SUPERVISOR))
@@ -65,9 +65,9 @@ async def heard(page: Page, what: str) -> None:
 
 
 async def test_a_robot_that_stopped_by_itself_is_told_until_somebody_has_read_it(
-    up: Running, open_page: Opener, pictures: Path
+    up: Running, open_plain: Opener, pictures: Path
 ) -> None:
-    page = await supervisor(up, open_page)
+    page = await supervisor(up, open_plain)
     await ask(page, "go to lab 2.3.6")
     await page.get_by_test_id("permission-allow").click()
     band = page.get_by_role("alert").and_(page.get_by_test_id("halted-band"))
@@ -76,7 +76,7 @@ async def test_a_robot_that_stopped_by_itself_is_told_until_somebody_has_read_it
     await page.screenshot(path=pictures / "halted.png")
     await band.get_by_role("button", name="Hide this").click()
     await expect(band).to_have_count(0)
-    phone = await supervisor(up, open_page, viewport=PHONE)
+    phone = await supervisor(up, open_plain, viewport=PHONE)
     await expect(phone.get_by_test_id("halted-band")).to_be_visible()
     await ask(page, "turn left by 5 degrees")
     await expect(phone.get_by_test_id("halted-band")).to_have_count(0)
@@ -99,9 +99,9 @@ async def test_a_battery_that_is_low_is_told_away_from_the_dock(up: Running, ope
 
 
 async def test_the_way_is_shown_before_it_is_driven_and_gone_after_a_no(
-    up: Running, open_page: Opener, pictures: Path
+    up: Running, open_plain: Opener, pictures: Path
 ) -> None:
-    page = await supervisor(up, open_page)
+    page = await supervisor(up, open_plain)
     async with up.robot.watched() as watched:
         await ask(page, "go to lab 2.3.7")
         await expect(page.get_by_test_id("permission")).to_contain_text("Drive to lab 2.3.7")
@@ -154,8 +154,8 @@ async def test_a_question_calls_with_a_sound_and_a_notification_when_the_page_is
     await expect(page.get_by_test_id("setting-sound")).not_to_be_checked()
 
 
-async def test_a_question_is_answered_with_the_keyboard_alone(up: Running, open_page: Opener) -> None:
-    page = await supervisor(up, open_page)
+async def test_a_question_is_answered_with_the_keyboard_alone(up: Running, open_plain: Opener) -> None:
+    page = await supervisor(up, open_plain)
     async with up.robot.watched() as watched:
         await page.get_by_test_id("composer").focus()
         await page.keyboard.type("say hello")

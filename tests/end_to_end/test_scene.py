@@ -22,7 +22,7 @@ from tests.end_to_end.conftest import Opener, Running, at_work
 from tests.end_to_end.tap import tap_on
 from tests.end_to_end.test_dashboard import PHONE, login, until
 from tests.end_to_end.test_papers_session import ask
-from tests.processes import Robot, eventually
+from tests.processes import Robot, Watched, eventually
 
 ALIKE = 0.03
 """The share of two pictures of the same that may differ: viser draws more coarsely the slower the machine is."""
@@ -79,6 +79,12 @@ def changed(one: Image.Image, other: Image.Image) -> float:
     return sum(different[24:]) / (one.width * one.height)
 
 
+async def cancel(page: Page, watched: Watched) -> None:
+    """End the drive: a map that shows one takes most of a small machine."""
+    await page.get_by_test_id("cancel").click()
+    await watched.until(lambda: watched.state.motion is None, "the robot to be at rest")
+
+
 async def close_camera(page: Page) -> None:
     await page.get_by_role("button", name="Close the camera").click()
     await expect(page.get_by_test_id("camera-view")).to_have_count(0)
@@ -100,7 +106,7 @@ async def test_the_view_that_follows_moves_with_the_robot_and_the_map_stays(up: 
 
         before = await drive("lab 2.3.7")
         assert changed(before, await picture(canvas)) < 0.1
-        await expect(page.get_by_test_id("agent-message").last).to_contain_text("I am at lab 2.3.7", timeout=90_000)
+        await cancel(page, watched)
         await look(page, "follow")
         await drawn(page, "follow")
         before = await drive("lab 2.3.9")
@@ -110,6 +116,7 @@ async def test_the_view_that_follows_moves_with_the_robot_and_the_map_stays(up: 
 
         await until(moved, "the map to move")
         await expect(view(page, "follow")).to_have_attribute("aria-pressed", "true")
+        await cancel(page, watched)
 
 
 async def point_at_the_corridor(page: Page) -> tuple[float, float]:
@@ -140,7 +147,6 @@ async def test_a_click_on_the_floor_and_a_go_send_the_robot_there_as_an_ordinary
     await look(page, "top")
     await page.get_by_test_id("go-here").click()
     async with up.robot.watched() as watched:
-        await watched.until(lambda: watched.state.motion is None, "the end of the drive of the test before")
         x, y = await point_at_the_corridor(page)
         assert watched.state.motion is None, "a click alone moves nothing"
         await page.get_by_test_id("go-here-go").click()
@@ -164,16 +170,13 @@ async def test_a_place_of_the_list_needs_no_pointer_and_waits_while_the_robot_is
         await expect(page.get_by_test_id("go-here-go")).to_be_focused()
         await page.keyboard.press("Enter")
         await watched.until(lambda: watched.state.motion and watched.state.motion.place == "kitchen", "the drive")
-        assert watched.state.motion is not None
-        goal = watched.state.motion.goal
         await page.get_by_test_id("go-here").click()
         await page.get_by_test_id("go-here-place").select_option(label="Go to lab 2.3.7")
         await expect(page.get_by_test_id("go-here-bar")).to_contain_text("at work")
         await expect(page.get_by_test_id("go-here-go")).to_be_disabled()
         await page.keyboard.press("Escape")
         await expect(page.get_by_test_id("go-here")).to_be_focused()
-        await watched.until(lambda: watched.state.motion is None, "the end of the drive", 90)
-        assert watched.distance_to(goal.x, goal.y) < 0.3
+        await cancel(page, watched)
 
 
 async def test_who_only_watches_gets_views_and_the_camera_but_no_way_to_send_the_robot(

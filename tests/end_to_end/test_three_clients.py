@@ -68,10 +68,10 @@ def withdrawn(client: Dashboard | Terminal) -> bool:
     return {"requestId": question["id"]} in [message["params"] for message in client.of("$/cancel_request")]
 
 
-async def test_one_asks_another_approves_and_the_third_cancels(tmp_path: Path, open_page: Opener) -> None:
+async def test_one_asks_another_approves_and_the_third_cancels(tmp_path: Path, open_plain: Opener) -> None:
     up = start(Robot(tmp_path), "--time-scale", "2")
     try:
-        page = await open_page(up.login_url)
+        page = await open_plain(up.login_url)
         await expect(page.get_by_test_id("robot-state")).to_contain_text("ready")
         await page.wait_for_url("**/#/s/*")  # a session of its own, as it is the first one
         address = f"ws://127.0.0.1:{up.robot.bridge_port}/acp"
