@@ -59,4 +59,4 @@ else
 fi
 
 printf '\nSoak\n'
-.venv/bin/python bench/endurance.py --minutes 20
+.venv/bin/python bench/endurance.py --minutes 10
