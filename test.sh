@@ -44,19 +44,21 @@ case $depth in
   usual) exec .venv/bin/python -m pytest $workers "$@" ;;
 esac
 
+# A part that fails ends none of those after it.
 export ROBOT_ACP_TEST_DEEP=1
 # shellcheck disable=SC2086
-.venv/bin/python -m pytest $workers --cov --cov-report=term:skip-covered "$@"
-(cd web && npm run --silent coverage)
+.venv/bin/python -m pytest $workers --cov --cov-report=term:skip-covered "$@" || failed=1
+(cd web && npm run --silent coverage) || failed=1
 
 if python3.13 --version >/dev/null 2>&1; then
   printf '\nThe quick tests with %s\n' "$(python3.13 --version)"
   prepare_python requirements-dev.lock .venv/newest python3.13
   # shellcheck disable=SC2086
-  ROBOT_ACP_TEST_DEEP= .venv/newest/bin/python -m pytest $workers -m "$alone"
+  ROBOT_ACP_TEST_DEEP= .venv/newest/bin/python -m pytest $workers -m "$alone" || failed=1
 else
   printf '\nThere is no python3.13: nothing was tested with the newest Python.\n'
 fi
 
 printf '\nSoak\n'
-.venv/bin/python bench/endurance.py --minutes 10
+.venv/bin/python bench/endurance.py --minutes 10 || failed=1
+exit "$failed"

@@ -122,6 +122,14 @@ def _ensure_server() -> None:
                 os.environ[name] = value
 
 
+def _leave_coverage_alone() -> None:
+    """A coverage measurement of the process that was forked is not this one's to end; `coverage` itself begins and ends
+    the one of a fork."""
+    if coverage := sys.modules.get("coverage"):
+        for measurement in coverage.Coverage._instances:
+            atexit.unregister(measurement._atexit)
+
+
 def _run(arguments: list[str], env: dict[str, str], folder: str, streams: list[_Descriptor]) -> None:
     """What a fork does: become `robot-acp` with these arguments."""
     for number, stream in enumerate(streams):
@@ -137,6 +145,7 @@ def _run(arguments: list[str], env: dict[str, str], folder: str, streams: list[_
     os.environ.update(env)
     os.chdir(folder)
     sys.argv = ["robot-acp", *arguments]
+    _leave_coverage_alone()
     from backend import cli
 
     try:

@@ -31,6 +31,7 @@ async def wide(page: Page) -> AsyncIterator[None]:
 async def online(page: Page) -> None:
     """Somebody may write: the session is open."""
     await expect(page.get_by_test_id("composer")).to_be_enabled()
+    await expect(page.locator("#composer-hint")).not_to_have_attribute("data-reason", "opening")
     await expect(page.get_by_test_id("conversation")).to_have_attribute("aria-busy", "false")
     await expect(page.get_by_test_id("robot-state")).not_to_have_attribute("data-state", "unknown")
 
