@@ -1,8 +1,8 @@
 #!/bin/sh
 # Checks and tests all of backend/ and web/. On two cores with nothing else running:
-#   ./test.sh --quick   after every change: format, lint, types, and the tests that take no process and no patience (7 minutes)
-#   ./test.sh           before a change lands, and what CI runs: all tests (21 minutes)
-#   ./test.sh --deep    every generated case with fresh seeds, coverage, and a soak (more than an hour)
+#   ./test.sh --quick   after every change: format, lint, types, and quick tests that start no process (3 minutes)
+#   ./test.sh           before a change lands, and what CI runs: all tests (15 minutes)
+#   ./test.sh --deep    every generated case with fresh seeds, coverage, and a soak (36 minutes)
 # Further arguments go to pytest. The first call installs what is missing.
 set -eu
 cd "$(dirname "$0")"
