@@ -16,7 +16,7 @@ from backend.identity import Role
 from tests.browsers import Other, running_other
 from tests.deep import DEEP
 from tests.end_to_end import screens
-from tests.end_to_end.conftest import Running, at_work
+from tests.end_to_end.conftest import Opener, Running, at_work
 from tests.end_to_end.screens import ARRIVES_MS
 from tests.end_to_end.test_papers_session import ask
 from tests.processes import Robot
@@ -31,24 +31,13 @@ def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
 
 
 @pytest_asyncio.fixture(loop_scope="session", scope="module", params=["firefox", "webkit"])
-async def other(request: pytest.FixtureRequest) -> AsyncIterator[Browser]:
+async def browser(request: pytest.FixtureRequest) -> AsyncIterator[Browser]:
+    """In place of the Chromium of all other tests."""
     name: Other = request.param
-    async with running_other(name) as browser:
-        if browser is None:
+    async with running_other(name) as other:
+        if other is None:
             pytest.skip(f"this machine has no {name} (python -m playwright install {name})")
-        yield browser
-
-
-@pytest_asyncio.fixture(loop_scope="session")
-async def page(other: Browser) -> AsyncIterator[Page]:
-    """A page of its own person. Errors on it fail the test."""
-    errors: list[str] = []
-    context = await other.new_context(viewport={"width": 1280, "height": 900})
-    page = await context.new_page()
-    page.on("pageerror", lambda error: errors.append(str(error)))
-    yield page
-    await context.close()
-    assert errors == []
+        yield other
 
 
 async def stopped(up: Running, page: Page, band: str) -> None:
@@ -60,8 +49,8 @@ async def stopped(up: Running, page: Page, band: str) -> None:
         await expect(page.get_by_test_id(band)).to_be_visible()
 
 
-async def test_a_supervisor_is_asked_and_stops_a_drive(up: Running, page: Page) -> None:
-    await page.goto(f"{up.base}/#token={up.robot.token('Sue', Role.SUPERVISOR)}")
+async def test_a_supervisor_is_asked_and_stops_a_drive(up: Running, open_page: Opener) -> None:
+    page = await open_page(f"{up.base}/#token={up.robot.token('Sue', Role.SUPERVISOR)}")
     await expect(page.get_by_test_id("robot-state")).to_contain_text("ready")
     await ask(page, "say that lunch is ready")
     await screens.allowed(page)
@@ -71,8 +60,8 @@ async def test_a_supervisor_is_asked_and_stops_a_drive(up: Running, page: Page) 
     await screens.released(page)
 
 
-async def test_a_visitor_is_driven_and_stops_the_robot(up: Running, page: Page) -> None:
-    await page.goto(f"{up.base}/kiosk?map=off#token={up.robot.token('Kiosk', Role.VISITOR)}")
+async def test_a_visitor_is_driven_and_stops_the_robot(up: Running, open_page: Opener) -> None:
+    page = await open_page(f"{up.base}/kiosk?map=off#token={up.robot.token('Kiosk', Role.VISITOR)}")
     await page.get_by_test_id("kiosk-suggestion").filter(has_text="Take me to the kitchen").click()
     await expect(page.get_by_test_id("kiosk-answer")).to_contain_text("I am at the kitchen", timeout=ARRIVES_MS)
     await page.get_by_test_id("kiosk-field").fill("go to reception")
