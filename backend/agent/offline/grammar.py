@@ -115,6 +115,9 @@ _BACK = re.compile(
 _THEM = r"(?:them|everyone|everybody|people|the\s+people|him|her|us|it|all|the\s+team|visitors|the\s+visitors)"
 
 
+LONGEST = 2_000
+"""Characters of a text that is looked at: no pattern here takes longer than a few ms for so many."""
+
 _COMMANDS = {
     "/home": "go back to where you started",
     "/where": "where are you?",
@@ -126,14 +129,17 @@ _COMMANDS = {
 
 def parse(text: str) -> list[Action]:
     """The actions that `text` asks for, in order; an empty list when any part of it is not understood."""
+    text = " ".join(text.split())
+    if len(text) > LONGEST:
+        return []
     quotes: list[str] = []
-    text = in_english(_COMMANDS.get(text.strip().lower(), text))
+    text = in_english(_COMMANDS.get(text.lower(), text))
 
     def keep(match: re.Match[str]) -> str:
         quotes.append(match.group(1) if match.group(1) is not None else match.group(2))
         return f"\x00{len(quotes) - 1}\x00"
 
-    masked = _QUOTE.sub(keep, re.sub(r"\s+", " ", text).strip())
+    masked = _QUOTE.sub(keep, text)
     actions: list[Action] = []
     for clause in _clauses(masked):
         found = _clause(clause, quotes)
@@ -177,10 +183,21 @@ def _clause(clause: str, quotes: list[str]) -> list[Action]:
     return []
 
 
+_CHARGE, _STATE = re.compile(r"\bcharged?\b", re.I), re.compile(r"\b(?:left|are|is)\b", re.I)
+_LIST, _PLACES = re.compile(r"(?:list|show)\b", re.I), re.compile(r"\bplaces", re.I)
+
+
+def _then(text: str, first: re.Pattern[str], second: re.Pattern[str]) -> bool:
+    """Whether `second` comes somewhere after `first`. One pattern for both would look at the rest of the text from
+    each `first` again."""
+    found = first.search(text)
+    return found is not None and second.search(text, found.end()) is not None
+
+
 def _looking(clause: str, _quotes: list[str]) -> list[Action]:
     if re.search(r"\b(?:photo|picture|photograph)\b|what\s+(?:do|can)\s+you\s+see|^look\s+around", clause, re.I):
         return [TakePhoto()]
-    if re.search(r"\bbattery\b|\bcharged?\b.*\b(?:left|are|is)\b|how\s+much\s+(?:charge|power)", clause, re.I):
+    if re.search(r"\bbattery\b|how\s+much\s+(?:charge|power)", clause, re.I) or _then(clause, _CHARGE, _STATE):
         return [TellBattery()]
     if re.search(
         r"where\s+(?:are\s+(?:you|we)|(?:you|we)\s+are|am\s+i|is\s+the\s+robot)|your\s+(?:position|pose|location)",
@@ -188,10 +205,8 @@ def _looking(clause: str, _quotes: list[str]) -> list[Action]:
         re.I,
     ):
         return [TellPose()]
-    if re.search(
-        r"where\s+can\s+you|(?:which|what)\s+(?:\w+\s+)?(?:places|rooms|labs)|(?:list|show)\b.*\bplaces",
-        clause,
-        re.I,
+    if re.search(r"where\s+can\s+you|(?:which|what)\s+(?:\w+\s+)?(?:places|rooms|labs)", clause, re.I) or _then(
+        clause, _LIST, _PLACES
     ):
         return [TellPlaces()]
     if re.fullmatch(
@@ -221,13 +236,13 @@ def _moving(clause: str, _quotes: list[str]) -> list[Action]:
     return [GoTo(_place(going["place"]))]
 
 
-_TURN_WORDS = re.compile(
-    rf"(?:\s|\bto\b|\bthe\b|\bby\b|left|right|around|degrees?|deg\b|°|(?:counter-?|anti-?)?clockwise|{_NUMBER})*"
+_TURN_WORD = re.compile(
+    rf"to|the|by|left|right|around|degrees?|deg|°|(?:counter-?|anti-?)?clockwise|{_NUMBER}(?:°|deg|degrees?)?"
 )
 
 
 def _turn(rest: str) -> list[Action]:
-    if not _TURN_WORDS.fullmatch(rest):
+    if not all(map(_TURN_WORD.fullmatch, rest.split())):
         return []
     number = re.search(_NUMBER, rest)
     if number is None and "around" in rest:

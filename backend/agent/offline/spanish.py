@@ -11,6 +11,7 @@ import re
 _TO = r"\s+(?:al|(?:a|hasta)(?:\s+(?:el|la|los|las))?)\s*:?\s+"
 _YOU = r"(?:\s+(?:usted|t[uú]|el\s+robot))?"
 _BACK = r"(?:vuelv[ae]|regres[ae])"
+_PLEASE = "por favor"
 _FORMS = [
     (
         r"(?:(?:ll[eé]v[ae]|acomp[aá]ñ[ae]|gu[ií][ae])(?:me|nos)|ve|vete|vaya|condu(?:ce|zca)|naveg(?:a|ue)|"
@@ -40,8 +41,17 @@ _FORMS = [
 
 def in_english(text: str) -> str:
     """The sentence in English, or `text` itself where no form fits."""
-    bare = re.sub(r"^\s*(?:por\s+favor\b[\s,]*)?[¿¡\s]*|[\s,]*(?:por\s+favor)?[\s?!.]*$", "", text, flags=re.I)
+    bare = _without_politeness(text)
     for form, english in _FORMS:
         if found := re.fullmatch(form, bare, re.I):
             return found.expand(english)
     return text
+
+
+def _without_politeness(text: str) -> str:
+    bare = text.strip(" ,.¿?¡!")
+    if bare[: len(_PLEASE) + 1].lower().rstrip(" ,") == _PLEASE:
+        bare = bare[len(_PLEASE) :].lstrip(" ,¿¡")
+    if bare[-len(_PLEASE) - 1 :].lower().lstrip(" ,") == _PLEASE:
+        bare = bare[: -len(_PLEASE)].rstrip(" ,.?!")
+    return bare

@@ -1,12 +1,14 @@
 """The command grammar understands what the README says, and does nothing about what it does not understand."""
 
 import re
+import time
 from pathlib import Path
 
 import pytest
 
 from backend.agent.offline import report
 from backend.agent.offline.grammar import (
+    LONGEST,
     GoBack,
     GoTo,
     GoToPoint,
@@ -106,6 +108,26 @@ def test_understands(text: str, actions: list[object]) -> None:
 )
 def test_does_nothing_about_what_it_does_not_understand_in_whole(text: str) -> None:
     assert parse(text) == []
+
+
+HEADS = ("", "go to ", "say ", "tell ", "turn ", "hello,", "di ", "deliver ", "what ", "list ", "por favor ")
+PIECES = (
+    " ", ",", " , ", ".", ":", "!", '"', "'", " 'a", "\x00", "\x00 ", "9", "9 ", "9.", "-", "(", "a", "a ", "a,", "to ",
+    "by ", "and ", "go; ", "go. ", "go, ", "then ", "hello ", "i want you to ", "let a know ", "tell a that ",
+    "charged ", "list ", "x that", "return ", "está ", "di que ", "¿",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("length", [LONGEST, 100_000])
+@pytest.mark.parametrize("head", HEADS)
+def test_no_text_takes_long(head: str, length: int) -> None:
+    """Each of these once took seconds or for ever. The limit is for a machine that is a hundred times slower."""
+    for piece in PIECES:
+        for tail in ("", "x"):
+            text = (head + piece * length)[: length - 1] + tail
+            before = time.process_time()
+            parse(text)
+            assert time.process_time() - before < 1, (piece, tail)
 
 
 @pytest.mark.parametrize("language", sorted(LOCALES.glob("??.ts")), ids=lambda path: path.stem)
