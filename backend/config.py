@@ -132,6 +132,30 @@ class Robot(_Section):
     ros2: Ros2 = Ros2()
 
 
+class Storage(_Section):
+    """What the database of sessions keeps, of whom, and for how long. Sizes are in bytes of events, 0 is "no limit"."""
+
+    max_prompt_blocks: int = Field(100, gt=0, description="content blocks of one prompt")
+    max_prompt_chars: int = Field(100_000, gt=0, description="characters of text of one prompt, in all of its blocks")
+    max_prompt_bytes: int = Field(
+        12 * 1024 * 1024, gt=0, le=14 * 1024 * 1024, description="pictures, sounds and files of one prompt, as base64"
+    )
+    visitor_bytes: int = Field(256 * 1024 * 1024, ge=0, description="of all sessions of one login")
+    operator_bytes: int = Field(2 * 1024 * 1024 * 1024, ge=0, description="of all sessions of one login")
+    supervisor_bytes: int = Field(8 * 1024 * 1024 * 1024, ge=0, description="of all sessions of one login")
+    visitor_sessions: int = Field(500, ge=0, description="sessions of one login")
+    operator_sessions: int = Field(5_000, ge=0, description="sessions of one login")
+    supervisor_sessions: int = Field(20_000, ge=0, description="sessions of one login")
+    max_bytes: int = Field(16 * 1024 * 1024 * 1024, ge=0, description="of the sessions of everybody")
+    max_sessions: int = Field(50_000, ge=0, description="of everybody; the oldest are deleted")
+    media_days: float = Field(0, ge=0, description="photos and sounds of older sessions are removed")
+    session_days: float = Field(0, ge=0, description="older sessions are deleted")
+
+    def quota(self, role: str) -> tuple[int, int]:
+        """The bytes and the sessions that a login of this role may have; 0 is "no limit". A viewer owns none."""
+        return getattr(self, f"{role}_bytes", 0), getattr(self, f"{role}_sessions", 0)
+
+
 class Agent(_Section):
     """The ACP agent."""
 
@@ -165,6 +189,7 @@ class Agent(_Section):
     mcp_allow: list[str] = Field([], description="MCP servers that a supervisor's client may bring: URL prefixes")
     policy: dict[str, dict[str, Decision]] = Field({}, description="mode -> tool -> allow, ask or deny")
     visitors: dict[str, Decision] = Field({}, description="tool -> what a visitor's prompt may do at most")
+    storage: Storage = Storage()
 
 
 class Bridge(_Section):

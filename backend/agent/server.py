@@ -9,6 +9,8 @@ import socket
 from collections.abc import AsyncIterator
 from ipaddress import ip_address
 
+from sqlalchemy.exc import SQLAlchemyError
+
 from backend import identity, wire
 from backend.agent.acp.connection import ClientConnection
 from backend.agent.acp.operations import Operations
@@ -19,10 +21,12 @@ from backend.agent.control.policy import MODE_IDS, Policy
 from backend.agent.robot.mcp_client import McpClient
 from backend.agent.robot.robot_client import RobotClient
 from backend.agent.robot.server_addresses import AllowList
-from backend.agent.sessions.database import StoreError
+from backend.agent.sessions.database import StoreError, why
 from backend.agent.sessions.journal import Journal
+from backend.agent.sessions.retention import Retention
 from backend.agent.sessions.sessions import Sessions
 from backend.agent.sessions.store import Store
+from backend.agent.sessions.usage import Usage
 from backend.agent.turns import model, providers
 from backend.agent.turns.environment import TurnEnvironment
 from backend.agent.wiring import Wiring
@@ -133,18 +137,22 @@ async def _wiring(settings: Settings) -> AsyncIterator[Wiring]:
     link = RobotClient(settings.robot_mcp_url if ours else None, bearer)
     tokens = Registry(settings.data_dir)
     store = Store(settings.database_url)
+    usage = Usage()
     try:
         await store.open()
-    except StoreError as error:
-        raise ConfigError(str(error)) from None
-    journal = Journal(store)
-    sessions = Sessions(store, journal, tools, agent.pose_tool, agent.permission_timeout)
+        await usage.read(store)
+    except (StoreError, SQLAlchemyError) as error:
+        raise ConfigError(why(error)) from None
+    journal = Journal(store, count=usage.add_event)
+    sessions = Sessions(store, journal, tools, agent.pose_tool, agent.permission_timeout, usage=usage)
+    retention = Retention(store, sessions, usage, agent.storage)
     lease = Lease()
     wiring = Wiring(
         settings=settings,
         tokens=tokens,
         sessions=sessions,
         journal=journal,
+        retention=retention,
         link=link,
         turns=TurnEnvironment(
             robot_name=settings.robot.name,
@@ -166,6 +174,7 @@ async def _wiring(settings: Settings) -> AsyncIterator[Wiring]:
     background = [
         asyncio.create_task(tokens.run(), name="tokens"),
         asyncio.create_task(journal.run(), name="journal"),
+        asyncio.create_task(retention.run(), name="retention"),
         asyncio.create_task(link.run(), name="robot link"),
         asyncio.create_task(Attendance(sessions, lease, agent.unattended_after).run(), name="attendance"),
         asyncio.create_task(wiring.people.run(), name="people"),

@@ -8,6 +8,7 @@ from backend.agent.acp.people import People
 from backend.agent.robot.robot_client import RobotClient
 from backend.agent.robot.server_addresses import AllowList
 from backend.agent.sessions.journal import Journal
+from backend.agent.sessions.retention import Retention
 from backend.agent.sessions.sessions import Sessions
 from backend.agent.turns.environment import TurnEnvironment
 from backend.config import Settings
@@ -24,6 +25,7 @@ class Wiring:
     tokens: Registry
     sessions: Sessions
     journal: Journal
+    retention: Retention
     link: RobotClient
     turns: TurnEnvironment
     models: tuple[str, ...]

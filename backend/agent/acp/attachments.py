@@ -70,15 +70,18 @@ class Attachments:
 
     def detach(self, session_id: str) -> None:
         """Leave a session. An attachment that still waits does not happen."""
+        self._connection.folders.pop(session_id, None)
         if session := self.sessions.pop(session_id, None):
             session.detach(self._connection)
 
     def detach_all(self) -> None:
         """Leave every session."""
         self.sessions.clear()
+        self._connection.folders.clear()
         for session in self._all_sessions.open_sessions:
             session.detach(self._connection)
 
     def forget(self, session_id: str) -> None:
         """A session has been deleted."""
+        self._connection.folders.pop(session_id, None)
         self.sessions.pop(session_id, None)

@@ -45,6 +45,8 @@ class ClientConnection:
         """Set when the first message was a request to initialize."""
         self.client_capabilities: dict[str, Any] = {}
         """As the client gave them in `initialize`."""
+        self.folders: dict[str, str] = {}
+        """Session id -> the folder that this client named when it opened the session."""
         self._reader = reader
         self._outbox = Outbox(writer)
         self._max_outbox_bytes = max_outbox_bytes
@@ -72,6 +74,10 @@ class ClientConnection:
     def can_show_forms(self) -> bool:
         """Whether the client said that it shows forms."""
         return isinstance((self.client_capabilities.get("elicitation") or {}).get("form"), dict)
+
+    def folder_of(self, session_id: str) -> str | None:
+        """The folder that this client named when it opened the session; None where it has not."""
+        return self.folders.get(session_id)
 
     @property
     def wants_people(self) -> bool:

@@ -17,8 +17,11 @@ import orjson
 from acp.exceptions import RequestError
 from acp.router import MessageRouter
 from pydantic import BaseModel, ValidationError
+from sqlalchemy.exc import SQLAlchemyError
 
 from backend import wire
+from backend.agent.sessions.database import StoreError
+from backend.agent.sessions.store import SILENT
 
 log = logging.getLogger(__name__)
 
@@ -109,7 +112,7 @@ class Dispatcher:
             answer: object = await self._router(str(frame.method), frame.body.get("params") or {}, False)
             if isinstance(answer, AnswerThen):
                 then, answer = answer.then, answer.answer
-            reply = _frame(frame.id, "result", _plain(answer))
+            reply = _within_limit(frame.id, _frame(frame.id, "result", _plain(answer)))
         except asyncio.CancelledError:
             if not request.cancelled_by_client:
                 raise
@@ -133,6 +136,26 @@ def _frame(request_id: wire.RequestId, kind: str, content: object) -> bytes:
     return orjson.dumps({"jsonrpc": "2.0", "id": request_id, kind: content}, option=orjson.OPT_APPEND_NEWLINE)
 
 
+def database_away(text: str) -> RequestError:
+    """The error for what needs the database while it cannot be used. Clients know it by its `data`."""
+    return RequestError(wire.INTERNAL_ERROR, text, {"unavailable": "database"})
+
+
+def after_stop(stopped: str, error: Exception) -> RequestError:
+    """The error for a stop whose session cannot be opened. The stop was made all the same, and comes first."""
+    told = _error_for_strangers(error, "session/prompt")
+    return RequestError(told.code, f"{stopped} {told}", told.data)
+
+
+def _within_limit(request_id: wire.RequestId, reply: bytes) -> bytes:
+    """The reply, or an error in place of one that no client and no bridge would take."""
+    if len(reply) - 1 <= wire.MAX_FRAME_BYTES:
+        return reply
+    log.error("an answer of %d bytes is larger than a message may be; the client gets an error", len(reply))
+    text = f"The answer has {len(reply)} bytes, and a message at most {wire.MAX_FRAME_BYTES}. Ask for less of it."
+    return wire.error_frame(request_id, wire.INTERNAL_ERROR, text) + b"\n"
+
+
 def _error_for_strangers(error: Exception, method: str) -> RequestError:
     """The error that a client may see. For an unexpected exception it contains only a reference into the log."""
     if isinstance(error, RequestError):
@@ -142,6 +165,11 @@ def _error_for_strangers(error: Exception, method: str) -> RequestError:
     if isinstance(error, ValidationError):
         problems = [{"at": ".".join(map(str, e["loc"])), "problem": e["type"]} for e in error.errors()[:10]]
         return RequestError.invalid_params({"errors": problems})
+    if isinstance(error, StoreError):
+        return database_away(str(error))
+    if isinstance(error, SQLAlchemyError):
+        log.debug("%s failed", method, exc_info=error)  # the journal says once that the database is away
+        return database_away(SILENT)
     reference = uuid.uuid4().hex[:8]
     log.error("%s failed (reference %s)", method, reference, exc_info=error)
     message = f"Something went wrong inside the agent. Its log says what, under {reference}."

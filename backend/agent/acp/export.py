@@ -22,6 +22,9 @@ _ENVELOPE_BYTES = 64 * 1024
 """Reserved for all of a message but its content: mostly the path."""
 
 
+_GONE = "Whoever asked for the log is no longer here."
+
+
 def as_lines(events: Iterable[Event]) -> str:
     """The events as JSON Lines; times are Unix seconds."""
     return "".join(
@@ -38,8 +41,13 @@ async def hand_over(session: Session, store: Store, to: Listener | None, timeout
     otherwise = f"On the robot's computer, `robot-acp sessions export {session.id}` prints the log."
     if to is None or not to.can_write_files:
         return f"Your program takes no files from me. {otherwise}"
+    if to not in session.watching:
+        return _GONE
+    folder = to.folder_of(session.id)  # never the owner's: it is a path on another computer
+    if folder is None:
+        return f"Your program named no folder when it opened this session. Open the session again. {otherwise}"
+    path = posixpath.join(folder, f"robot-acp-{session.id}.jsonl")
     await session.flushed()
-    path = posixpath.join(session.row.cwd, f"robot-acp-{session.id}.jsonl")
     lines: list[str] = []
     size = 0
     async for event in store.events(session.id):
@@ -48,7 +56,7 @@ async def hand_over(session: Session, store: Store, to: Listener | None, timeout
         if size > wire.MAX_FRAME_BYTES - _ENVELOPE_BYTES:
             return f"The log is too long for one message to your program. {otherwise}"
     if to not in session.watching:
-        return "Whoever asked for the log is no longer here."
+        return _GONE
     try:
         async with asyncio.timeout(timeout_s):
             await to.request("fs/write_text_file", {"sessionId": session.id, "path": path, "content": "".join(lines)})

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable
 from typing import Any, TypeVar
 
+import orjson
 from acp.exceptions import RequestError
 from acp.router import MessageRouter, Route
 from acp.schema import (
@@ -37,15 +38,16 @@ from pydantic import BaseModel, Field
 
 from backend import meta as keys
 from backend import wire
-from backend.agent.acp import commands, settings
+from backend.agent.acp import commands, content_limits, settings, updates
 from backend.agent.acp.attachments import Attachments
 from backend.agent.acp.connection import ClientConnection
-from backend.agent.acp.dispatch import AnswerThen
+from backend.agent.acp.dispatch import AnswerThen, after_stop, database_away
 from backend.agent.acp.extensions import Extensions
 from backend.agent.acp.initialize import Login
 from backend.agent.acp.rights import Rights
 from backend.agent.robot.robot_client import RobotError
 from backend.agent.robot.server_addresses import Offer, ServerRefused
+from backend.agent.sessions.retention import QuotaExceeded
 from backend.agent.sessions.session import QueueFull, Session
 from backend.agent.turns.turn import Turn
 from backend.agent.wiring import Wiring
@@ -78,7 +80,11 @@ class Operations:
         router = MessageRouter()
 
         def request(method: str, model: type[_Message], operation: Callable[[_Message], Awaitable[Any]]) -> None:
-            router.add_route(Route(method, lambda params: operation(model.model_validate(params)), "request"))
+            def checked(params: dict[str, Any]) -> Awaitable[Any]:
+                content_limits.check(method, params, self._wiring.settings.agent.storage)
+                return operation(model.model_validate(params))
+
+            router.add_route(Route(method, checked, "request"))
 
         request("initialize", InitializeRequest, self._login.initialize)
         request("authenticate", AuthenticateRequest, self._login.authenticate)
@@ -115,14 +121,17 @@ class Operations:
         who = self._rights.authorized(Right.PROMPT)
         offers = self._read_offers(request.mcp_servers)
         agent = self._wiring.settings.agent
+        await self._admit(who, who.name, 0, new_session=True)
         session = await self._wiring.sessions.create(who.name, request.cwd, agent.default_mode, agent.model)
         await session.client_servers.take(offers)
+        self._connection.folders[session.id] = request.cwd
         await self._attachments.attach(session)
         return self._with_commands(session, {"sessionId": session.id} | settings.state(session, self._wiring.models))
 
     async def load_session(self, request: LoadSessionRequest) -> AnswerThen:
         """Attach to a session from its beginning: everything so far, then everything that comes."""
         session = await self._reopened(request.session_id, request.mcp_servers)
+        self._connection.folders[session.id] = request.cwd
         await self._attachments.attach(session, after=0)
         return self._with_commands(session, self._reopened_state(session))
 
@@ -132,6 +141,7 @@ class Operations:
         if after is not None and (not isinstance(after, int) or isinstance(after, bool) or after < 0):
             raise RequestError(wire.INVALID_PARAMS, f"{keys.AFTER} must be the number of an event.")
         session = await self._reopened(request.session_id, request.mcp_servers)
+        self._connection.folders[session.id] = request.cwd
         await self._attachments.attach(session, after)
         return self._with_commands(session, self._reopened_state(session))
 
@@ -139,8 +149,12 @@ class Operations:
         """Begin a session of one's own with the same past."""
         who = self._rights.authorized(Right.PROMPT)
         offers = self._read_offers(request.mcp_servers)
-        fork = await self._wiring.sessions.fork(await self._rights.session(request.session_id), who.name)
+        session = await self._rights.session(request.session_id)
+        size = self._wiring.retention.size_of(session.id)
+        await self._admit(who, who.name, size, new_session=True)
+        fork = await self._wiring.sessions.fork(session, who.name, request.cwd)
         await fork.client_servers.take(offers)  # those of the original stay there: their headers are somebody's secrets
+        self._connection.folders[fork.id] = request.cwd
         await self._attachments.attach(fork)
         return self._with_commands(fork, {"sessionId": fork.id} | settings.state(fork, self._wiring.models))
 
@@ -153,7 +167,7 @@ class Operations:
         words = (request.field_meta or {}).get(keys.SEARCH, "")
         if not isinstance(words, str):
             raise RequestError(wire.INVALID_PARAMS, f"{keys.SEARCH} must be text.")
-        rows = await self._wiring.sessions.page(who, settings.read_cursor(request.cursor), words)
+        rows, last = await self._wiring.sessions.page(who, settings.read_cursor(request.cursor), words)
         infos = [
             SessionInfo(
                 session_id=row.id,
@@ -164,7 +178,7 @@ class Operations:
             )
             for row in rows
         ]
-        return ListSessionsResponse(sessions=infos, next_cursor=settings.next_cursor(rows))
+        return ListSessionsResponse(sessions=infos, next_cursor=settings.cursor_behind(last) if last else None)
 
     async def close_session(self, request: CloseSessionRequest) -> CloseSessionResponse:
         """End what runs in the session, and leave it."""
@@ -194,12 +208,17 @@ class Operations:
         stopped: str | None = None
         if commands.named_in(blocks) == "stop":  # a stop waits for nothing: no right, no log, no turn that runs
             stopped = await self._stop(who)
-            session = await self._rights.session(request.session_id)
+            blocks = [updates.text_block("/stop")]  # whatever was around it
+            try:
+                session = await self._rights.session(request.session_id)
+            except Exception as error:
+                raise after_stop(stopped, error) from None
         else:
             self._rights.authorized(Right.PROMPT)
             session = await self._rights.own(request.session_id)
             if self._wiring.journal.failure:
-                raise RequestError(wire.INTERNAL_ERROR, self._wiring.journal.failure)
+                raise database_away(self._wiring.journal.failure)
+            await self._admit(who, session.row.owner, len(orjson.dumps(blocks)))
         newly_attached = self._connection not in session.watching
         if newly_attached:
             await self._attachments.attach_at_once(session)  # waiting for a replay, the turn would miss a cancel
@@ -240,6 +259,7 @@ class Operations:
 
     async def _set_config_option(self, params: dict[str, Any]) -> dict[str, Any]:
         """Change one of the settings that a session publishes; the schema has a message for each type of value."""
+        content_limits.check("session/set_config_option", params, self._wiring.settings.agent.storage)
         if params.get("type") == "boolean":
             switch = SetSessionConfigOptionBooleanRequest.model_validate(params)
             return await self._change_setting(switch.session_id, switch.config_id, switch.value)
@@ -249,6 +269,8 @@ class Operations:
     async def _change_setting(self, session_id: str, config_id: str, value: str | bool) -> dict[str, Any]:
         self._rights.authorized(Right.CONFIGURE)
         session = await self._rights.own(session_id)
+        if self._wiring.journal.failure and self._wiring.journal.overfull:
+            raise database_away(self._wiring.journal.failure)
         try:
             updates = settings.change(session, config_id, value, self._wiring.models)
         except ValueError as error:
@@ -258,6 +280,13 @@ class Operations:
         return {"configOptions": settings.config_options(session, self._wiring.models)}
 
     # Shared by the operations
+
+    async def _admit(self, who: Identity, owner: str, more_bytes: int, *, new_session: bool = False) -> None:
+        """Refuse what the quota of a login has no room for."""
+        try:
+            await self._wiring.retention.admit(who, owner, more_bytes, new_session=new_session)
+        except QuotaExceeded as full:
+            raise RequestError(wire.NOT_ALLOWED, str(full)) from None
 
     def _read_offers(self, servers: list[Any] | None) -> tuple[Offer, ...]:
         """The MCP servers that the client brings, if it may bring them."""

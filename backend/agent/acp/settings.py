@@ -13,7 +13,6 @@ from backend import meta as keys
 from backend.agent.acp import updates
 from backend.agent.control.policy import MODE_IDS, MODES
 from backend.agent.sessions.session import Session
-from backend.agent.sessions.sessions import PAGE
 from backend.agent.sessions.store import SessionRow
 
 
@@ -97,15 +96,13 @@ def iso(time: float) -> str:
     return datetime.fromtimestamp(time, UTC).isoformat()
 
 
-def next_cursor(rows: Sequence[SessionRow]) -> str | None:
-    """Where the next page begins; None at the end."""
-    if len(rows) < PAGE:
-        return None
-    return base64.urlsafe_b64encode(f"{rows[-1].updated!r} {rows[-1].id}".encode()).decode()
+def cursor_behind(row: SessionRow) -> str:
+    """The cursor of the page that begins behind this session."""
+    return base64.urlsafe_b64encode(f"{row.updated!r} {row.id}".encode()).decode()
 
 
 def read_cursor(cursor: str | None) -> tuple[float, str] | None:
-    """The time and the session id in a cursor of `next_cursor`; None, for the first page, for any other text."""
+    """The time and the session id in a cursor of `cursor_behind`; None, for the first page, for any other text."""
     if cursor is None:
         return None
     try:

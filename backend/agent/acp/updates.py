@@ -155,6 +155,25 @@ def config_options(options: list[dict[str, Any]]) -> Update:
     return {"sessionUpdate": "config_option_update", "configOptions": options}
 
 
+def too_large(update: Update, size: int) -> Update:
+    """The update in place of one of `size` bytes, which fits into no message: without what it contains."""
+    note = text_block(f"This is left out: it has {size} bytes, more than a message may have.")
+    kept: Update = {key: update[key] for key in ("sessionUpdate", "toolCallId", "status", "kind") if key in update}
+    meta = update.get("_meta") or {}
+    if known := {key: meta[key] for key in (keys.TURN, keys.BY, keys.TOOL, keys.PHASE) if key in meta}:
+        kept["_meta"] = known
+    match update["sessionUpdate"]:
+        case "tool_call":
+            kept["title"] = str(update["title"])[:200]
+        case "tool_call_update":
+            kept["content"] = [_content(note)]
+        case "plan":
+            kept["entries"] = []
+        case kind if kind.endswith("_chunk"):
+            kept["content"] = note
+    return kept
+
+
 def _repeats(block: dict[str, Any], structured: Any) -> bool:
     if structured is None or block["type"] != "text":
         return False

@@ -7,6 +7,7 @@ may put the URL into a text, because the URL can contain a password.
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import time
 from collections.abc import Callable
@@ -41,6 +42,9 @@ _POSTGRES_SESSION = (
     "SET statement_timeout = '10s'",
 )
 _SQLITE_SESSION = (
+    # Only before the first table, and for a later VACUUM: what is deleted can be given back to the disk step by step.
+    "PRAGMA auto_vacuum=INCREMENTAL",
+    "PRAGMA journal_size_limit=4194304",
     # Readers never wait for the writer. A commit survives the end of the process. An event needs its session.
     "PRAGMA journal_mode=WAL",
     "PRAGMA synchronous=NORMAL",
@@ -101,7 +105,37 @@ def engine_for(database_url: str, *, alone: bool, serialise: Callable[[object], 
     return engine
 
 
-def why(error: Exception) -> str:
+VACUUM_AT_ONCE_BYTES = 64 * 1024 * 1024
+"""A SQLite file of an older version is rewritten when it is opened, if it is not larger: that takes about a second."""
+_VACUUM_PAGES = 256
+
+
+def prepare_vacuum(engine: sa.Engine) -> None:
+    """Rewrite a SQLite file that was made without incremental vacuum, so that its space can be given back. A large one
+    is left as it is: deleted space is used again, and `robot-acp sessions compact` rewrites it."""
+    with engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
+        mode = connection.execute(sa.text("PRAGMA auto_vacuum")).scalar()
+        pages = connection.execute(sa.text("PRAGMA page_count")).scalar() or 0
+        size = connection.execute(sa.text("PRAGMA page_size")).scalar() or 0
+        if mode == 0 and pages * size <= VACUUM_AT_ONCE_BYTES:
+            with contextlib.suppress(sa.exc.OperationalError):  # somebody reads it
+                connection.execute(sa.text("VACUUM"))
+
+
+def vacuum_step(engine: sa.Engine) -> bool:
+    """Give about a megabyte of free space of a SQLite file back to the disk; false when none is left."""
+    with engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
+        free = connection.execute(sa.text("PRAGMA freelist_count")).scalar() or 0
+        if free:
+            connection.execute(sa.text(f"PRAGMA incremental_vacuum({_VACUUM_PAGES})")).all()
+            left = connection.execute(sa.text("PRAGMA freelist_count")).scalar() or 0
+            if 0 < left < free:
+                return True
+        connection.execute(sa.text("PRAGMA wal_checkpoint(PASSIVE)")).all()
+        return False
+
+
+def why(error: BaseException) -> str:
     """Why a database could not be opened, and what to do, in one sentence without the URL."""
     start = "The database of sessions cannot be used: "
     match error:

@@ -20,6 +20,7 @@ from typing import Any, Protocol
 
 import orjson
 
+from backend import wire
 from backend.agent.acp import updates
 from backend.agent.control.approvers import AbsentApprovers, Approver, PermissionRequests
 from backend.agent.robot.client_servers import ClientServers
@@ -29,6 +30,9 @@ from backend.agent.sessions.store import Event, SessionRow, as_json
 
 RECANCEL_AFTER_S = 2.0
 """A turn that was cancelled so long ago and still works has lost the cancel; the next cancel reaches it again."""
+
+MAX_EVENT_BYTES = wire.MAX_FRAME_BYTES - 1024 * 1024
+"""What is in a larger update is left out, because no client could ever be sent it."""
 
 MAX_WAITING = 16
 """Prompts of one session that may wait while a turn runs."""
@@ -48,6 +52,9 @@ class Listener(Approver, Protocol):
     @property
     def can_show_forms(self) -> bool:
         """Whether the client can show a form to the person."""
+
+    def folder_of(self, session_id: str) -> str | None:
+        """The folder that the client named when it opened the session; None where it has not."""
 
     def deliver(self, frame: bytes) -> None:
         """Send a frame soon; never waits, never raises."""
@@ -169,6 +176,8 @@ class Session:
     def record(self, update: Update, origin: Listener | None = None) -> None:
         """Number an update, add it to the history, keep it, and then show it to everyone attached but `origin`."""
         raw = as_json(update)
+        if len(raw) > MAX_EVENT_BYTES:
+            raw = as_json(updates.too_large(update, len(raw)))
         self.seq += 1
         self.history.apply(orjson.loads(raw))
         self._journal.append(Event(self.id, self.seq, time.time(), raw, origin), self._show)

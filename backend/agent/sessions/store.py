@@ -1,9 +1,9 @@
 """The database of sessions: one row a session, and an append-only list of numbered events.
 
-An event is one ACP `session/update`, kept as it was sent. Events are never changed, and only `delete_session` removes
-them. All calls run on the store's own thread, so that neither SQLite nor a slow PostgreSQL blocks the event loop. Only
-one agent writes, and it only adds events, so the databases' default isolation is enough: a reader that reads page by
-page gets each event once.
+An event is one ACP `session/update`, kept as it was sent. Only retention changes events (it removes photos and sounds),
+and only `delete_session` removes them. All calls run on the store's own thread, so that neither SQLite nor a slow
+PostgreSQL blocks the event loop. Only one agent writes, so the databases' default isolation is enough: a reader that
+reads page by page gets each event once.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import orjson
 import sqlalchemy as sa
 
 from backend import meta as keys
-from backend.agent.sessions.database import StoreError, engine_for, why
+from backend.agent.sessions.database import StoreError, engine_for, prepare_vacuum, why
 
 log = logging.getLogger(__name__)
 
@@ -40,7 +40,7 @@ class _Text(sa.TypeDecorator[str]):
         return None if value is None else _clean(value)
 
 
-_sessions = sa.Table(
+SESSIONS = sa.Table(
     "sessions",
     _metadata,
     sa.Column("id", sa.String(64), primary_key=True),
@@ -56,7 +56,7 @@ _sessions = sa.Table(
     sa.Column("updated", sa.Double, nullable=False, index=True),
 )
 
-_events = sa.Table(
+EVENTS = sa.Table(
     "events",
     _metadata,
     sa.Column("session_id", sa.String(64), sa.ForeignKey("sessions.id"), primary_key=True),
@@ -65,12 +65,26 @@ _events = sa.Table(
     sa.Column("update", sa.LargeBinary, nullable=False),
 )
 
+MAX_TEXT_CHARS = 8192
+"""Longer texts of a session's row are read cut: a database can contain what an older version let in."""
+_ROW = sa.select(
+    *(
+        sa.func.substr(column, 1, MAX_TEXT_CHARS).label(column.name) if isinstance(column.type, _Text) else column
+        for column in SESSIONS.c
+    )
+)
 _T = TypeVar("_T")
 Changes = dict[str, dict[str, object]]
 """Session id -> column -> value."""
 MAX_WORDS = 4
 """A search uses so many words at most; more of them only cost time."""
 _PAGE = 200
+ANSWER_S = 10.0
+"""How long a question to the database may take, in seconds, with the wait for others' work on it."""
+SILENT = (
+    "The database of sessions does not answer, so no session can be opened, listed or changed now. Stop works. "
+    "On the robot's computer, `robot-acp doctor` says why; try again soon."
+)
 PAGE_BYTES = 4 * 1024 * 1024
 """A page of events ends with the event that reaches this size; one event can be a picture of 16 MiB."""
 
@@ -137,7 +151,7 @@ class Store:
     async def open(self) -> None:
         """Connect, and create the tables that are missing. Raises `StoreError`."""
         try:
-            await self._run(self._open)
+            await self.run(self._open)
         except (sa.exc.SQLAlchemyError, StoreError, ImportError, OSError, ValueError) as error:
             log.debug("opening the database", exc_info=True)
             await self.close()
@@ -146,22 +160,22 @@ class Store:
     async def close(self) -> None:
         """Let the last write finish, then disconnect."""
         if self._engine is not None:
-            await self._run(self._engine.dispose)
+            await self.run(self._engine.dispose)
         self._thread.shutdown()
 
     async def add_session(self, row: SessionRow) -> None:
         """Add a new session."""
-        await self._write(sa.insert(_sessions).values(**vars(row)))
+        await self._write(sa.insert(SESSIONS).values(**vars(row)))
 
     async def change_session(self, session_id: str, **fields: object) -> None:
         """Change columns of a session, for instance `title` or `mode`."""
-        await self._write(sa.update(_sessions).where(_sessions.c.id == session_id).values(**fields))
+        await self._write(sa.update(SESSIONS).where(SESSIONS.c.id == session_id).values(**fields))
 
     async def session(self, session_id: str) -> SessionRow | None:
         """One session, or None."""
-        if _clean(session_id) != session_id:
+        if len(session_id) > 64 or _clean(session_id) != session_id:
             return None  # a client made it up: our ids are plain
-        rows = await self._read(sa.select(_sessions).where(_sessions.c.id == session_id))
+        rows = await self.read(_ROW.where(SESSIONS.c.id == session_id))
         return SessionRow(**rows[0]._mapping) if rows else None
 
     async def sessions(
@@ -172,26 +186,51 @@ class Store:
         They are those of `owner`, or everybody's where `owner` is None. `before` is the (updated, id) of the last
         session of the page before. Each word of `search` is in the title or in the owner's name.
         """
-        has_events = sa.exists().where(_events.c.session_id == _sessions.c.id)
-        query = sa.select(_sessions).where(has_events)
+        has_events = sa.exists().where(EVENTS.c.session_id == SESSIONS.c.id)
+        query = _ROW.where(has_events)
         if owner is not None:
-            query = query.where(_sessions.c.owner == owner)
+            query = query.where(SESSIONS.c.owner == owner)
         for word in _clean(search).lower().split()[:MAX_WORDS]:
-            columns = (_sessions.c.title, _sessions.c.owner)
+            columns = (SESSIONS.c.title, SESSIONS.c.owner)
             query = query.where(sa.or_(*(sa.func.lower(c).contains(word, autoescape=True) for c in columns)))
         if before is not None:
             updated, session_id = before
-            query = query.where(sa.tuple_(_sessions.c.updated, _sessions.c.id) < sa.tuple_(updated, _clean(session_id)))
-        query = query.order_by(_sessions.c.updated.desc(), _sessions.c.id.desc()).limit(limit)
+            query = query.where(sa.tuple_(SESSIONS.c.updated, SESSIONS.c.id) < sa.tuple_(updated, _clean(session_id)))
+        query = query.order_by(SESSIONS.c.updated.desc(), SESSIONS.c.id.desc()).limit(limit)
         async with self._searching:
-            return [SessionRow(**row._mapping) for row in await self._read(query)]
+            return [SessionRow(**row._mapping) for row in await self.read(query)]
 
     async def delete_session(self, session_id: str) -> None:
-        """Remove a session and its events."""
-        await self._write(
-            sa.delete(_events).where(_events.c.session_id == session_id),
-            sa.delete(_sessions).where(_sessions.c.id == session_id),
-        )
+        """Remove a session and its events, the last ones first and in pieces, so that other writes do not wait long."""
+        this = EVENTS.c.session_id == session_id
+        while (after := await self.run(partial(self._end_of_log, session_id))) is not None:
+            await self._write(sa.delete(EVENTS).where(this & (EVENTS.c.seq > after)))
+        await self._write(sa.delete(SESSIONS).where(SESSIONS.c.id == session_id))
+
+    def _end_of_log(self, session_id: str) -> int | None:
+        """The number before the last piece of a session's events; None where it has no events."""
+        this = EVENTS.c.session_id == session_id
+        sizes = sa.select(EVENTS.c.seq, sa.func.length(EVENTS.c.update)).where(this).order_by(EVENTS.c.seq.desc())
+        with self.engine.connect() as connection:
+            first, size = None, 0
+            for seq, length in connection.execute(sizes.limit(_PAGE)):
+                first, size = seq, size + length
+                if size >= self.page_bytes:
+                    break
+            return None if first is None else first - 1
+
+    async def copy_events(self, original: str, copy: str, upto: int) -> None:
+        """Give the session `copy` the events of `original` up to number `upto`, in pieces and within the database."""
+        after = 0
+        while after < upto:
+            page = await self.run(partial(self._page_end, original, after, upto))
+            if page is None:
+                return
+            source = sa.select(sa.literal(copy), EVENTS.c.seq, EVENTS.c.time, EVENTS.c.update).where(
+                (EVENTS.c.session_id == original) & (EVENTS.c.seq > after) & (EVENTS.c.seq <= page)
+            )
+            await self._write(sa.insert(EVENTS).from_select(["session_id", "seq", "time", "update"], source))
+            after = page
 
     async def append(self, events: Sequence[Event], changes: Changes | None = None) -> None:
         """Add events, and change columns of sessions, in one transaction.
@@ -200,29 +239,40 @@ class Store:
         kept once. Events of a session that was deleted meanwhile are dropped. Raises `StoreError` where the database
         has other events with the same numbers.
         """
-        await self._run(lambda: self._append(events, changes or {}))
+        await self.run(lambda: self._append(events, changes or {}))
 
     async def events(self, session_id: str, after: int = 0, upto: int | None = None) -> AsyncIterator[Event]:
         """The events with `after < seq <= upto`, in order. They are read page by page, so that other calls do not wait
         long."""
-        while rows := await self._run(partial(self._page, session_id, after, upto)):
+        while rows := await self.run(partial(self._page, session_id, after, upto)):
             for row in rows:
                 yield Event(row.session_id, row.seq, row.time, row.update)
             after = rows[-1].seq
 
     def _page(self, session_id: str, after: int, upto: int | None) -> Sequence[sa.Row[Any]]:
-        this = (_events.c.session_id == session_id) & (_events.c.seq > after)
+        this = (EVENTS.c.session_id == session_id) & (EVENTS.c.seq > after)
         if upto is not None:
-            this &= _events.c.seq <= upto
-        sizes = sa.select(_events.c.seq, sa.func.length(_events.c.update)).where(this).order_by(_events.c.seq)
-        with self._connected().connect() as connection:
-            last, size = after, 0
+            this &= EVENTS.c.seq <= upto
+        last = self._page_end(session_id, after, upto)
+        if last is None:
+            return ()
+        with self.engine.connect() as connection:
+            page = sa.select(EVENTS).where(this & (EVENTS.c.seq <= last)).order_by(EVENTS.c.seq)
+            return connection.execute(page).all()
+
+    def _page_end(self, session_id: str, after: int, upto: int | None) -> int | None:
+        """The number of the last event of the page that begins after `after`; None where there is no event."""
+        this = (EVENTS.c.session_id == session_id) & (EVENTS.c.seq > after)
+        if upto is not None:
+            this &= EVENTS.c.seq <= upto
+        sizes = sa.select(EVENTS.c.seq, sa.func.length(EVENTS.c.update)).where(this).order_by(EVENTS.c.seq)
+        with self.engine.connect() as connection:
+            last, size = None, 0
             for seq, length in connection.execute(sizes.limit(_PAGE)):
                 last, size = seq, size + length
                 if size >= self.page_bytes:
                     break
-            page = sa.select(_events).where(this & (_events.c.seq <= last)).order_by(_events.c.seq)
-            return connection.execute(page).all()
+            return last
 
     def _open(self) -> None:
         self._engine = engine_for(self._url, alone=self._writes, serialise=lambda value: as_json(value).decode())
@@ -235,6 +285,8 @@ class Store:
                     f"The database of sessions was made by another version of robot-acp: {table.name} has no "
                     f"{', '.join(missing)}. Move it away, or name another one with agent.database."
                 )
+        if self._writes and self._engine.dialect.name == "sqlite":
+            prepare_vacuum(self._engine)
 
     def _append(self, events: Sequence[Event], changes: Changes) -> None:
         try:
@@ -245,14 +297,16 @@ class Store:
     def _insert(self, events: Sequence[Event], changes: Changes) -> None:
         rows = [{"session_id": e.session_id, "seq": e.seq, "time": e.time, "update": e.raw} for e in events]
         latest = {e.session_id: e.time for e in events}
-        with self._connected().begin() as connection:
+        with self.engine.begin() as connection:
+            if not events and not changes:
+                connection.execute(sa.select(SESSIONS.c.id).limit(1)).all()  # asks whether the database is there
             for session_id, fields in changes.items():
-                connection.execute(sa.update(_sessions).where(_sessions.c.id == session_id).values(**fields))
+                connection.execute(sa.update(SESSIONS).where(SESSIONS.c.id == session_id).values(**fields))
             if rows:
-                connection.execute(sa.insert(_events), rows)
+                connection.execute(sa.insert(EVENTS), rows)
             for session_id, updated in latest.items():
-                this = (_sessions.c.id == session_id) & (_sessions.c.updated < updated)
-                connection.execute(sa.update(_sessions).where(this).values(updated=updated))
+                this = (SESSIONS.c.id == session_id) & (SESSIONS.c.updated < updated)
+                connection.execute(sa.update(SESSIONS).where(this).values(updated=updated))
 
     def _still_to_keep(self, events: Sequence[Event]) -> list[Event]:
         """The events that are not in the database yet and whose session exists.
@@ -261,14 +315,14 @@ class Store:
         another event with the number of one of ours.
         """
         missing: list[Event] = []
-        with self._connected().connect() as connection:
+        with self.engine.connect() as connection:
             for session_id in {event.session_id for event in events}:
-                if connection.execute(sa.select(_sessions.c.id).where(_sessions.c.id == session_id)).first() is None:
+                if connection.execute(sa.select(SESSIONS.c.id).where(SESSIONS.c.id == session_id)).first() is None:
                     log.warning("events of the session %s are dropped: it was deleted", session_id)
                     continue
                 ours = [event for event in events if event.session_id == session_id]
-                since = (_events.c.session_id == session_id) & (_events.c.seq >= min(event.seq for event in ours))
-                kept = {row.seq: (row.time, row.update) for row in connection.execute(sa.select(_events).where(since))}
+                since = (EVENTS.c.session_id == session_id) & (EVENTS.c.seq >= min(event.seq for event in ours))
+                kept = {row.seq: (row.time, row.update) for row in connection.execute(sa.select(EVENTS).where(since))}
                 if any(kept.get(event.seq, (event.time, event.raw)) != (event.time, event.raw) for event in ours):
                     raise StoreError(f"Another program has written to the session {session_id}. Restart the agent.")
                 missing += [event for event in ours if event.seq not in kept]
@@ -276,25 +330,34 @@ class Store:
 
     async def _write(self, *statements: sa.Executable) -> None:
         def work() -> None:
-            with self._connected().begin() as connection:
+            with self.engine.begin() as connection:
                 for statement in statements:
                     connection.execute(statement)
 
-        await self._run(work)
+        await self.run(work)
 
-    async def _read(self, query: sa.Select[Any]) -> Sequence[sa.Row[Any]]:
+    async def read(self, query: sa.Select[Any]) -> Sequence[sa.Row[Any]]:
+        """The rows of a query. Raises `StoreError` where the database takes longer than `ANSWER_S`."""
+
         def work() -> Sequence[sa.Row[Any]]:
-            with self._connected().connect() as connection:
+            with self.engine.connect() as connection:
                 return connection.execute(query).all()
 
-        return await self._run(work)
+        try:
+            async with asyncio.timeout(ANSWER_S):
+                return await self.run(work)
+        except TimeoutError:
+            raise StoreError(SILENT) from None
 
-    def _connected(self) -> sa.Engine:
+    @property
+    def engine(self) -> sa.Engine:
+        """The connections, for the store's thread. Raises `RuntimeError` before `open`."""
         if self._engine is None:
             raise RuntimeError("The store is not open.")
         return self._engine
 
-    async def _run(self, work: Callable[[], _T]) -> _T:
+    async def run(self, work: Callable[[], _T]) -> _T:
+        """Do `work` on the store's thread."""
         return await asyncio.get_running_loop().run_in_executor(self._thread, work)
 
 

@@ -34,6 +34,34 @@ async def test_export_hands_the_log_to_a_client_that_takes_files(connect: Opener
     assert f"robot-acp-{client.session}.jsonl" in client.said
 
 
+async def test_the_file_is_written_into_the_folder_of_whoever_asks_and_never_of_the_owner(connect: Opener) -> None:
+    ana, ben, cleo = [await connect(capabilities=FILES) for _ in range(3)]
+    opened = {"cwd": "/home/ana/secrets", "mcpServers": []}
+    session = (await ana.link.request("session/new", opened))["sessionId"]
+    ana.session = ben.session = cleo.session = session
+    await ben.link.request("session/load", {"sessionId": session, "cwd": "/home/ben", "mcpServers": []})
+    exporting = ben.later(ben.prompt("/export"))
+    await eventually(lambda: "fs/write_text_file" in str(ben.heard), "the file")
+    asked = next(m for m in ben.heard if m["method"] == "fs/write_text_file")
+    assert asked["params"]["path"] == f"/home/ben/robot-acp-{session}.jsonl"
+    await ben.link.respond(asked["id"], {})
+    assert await exporting == "end_turn"
+    assert await cleo.prompt("/export") == "end_turn"  # attached by its prompt, and named no folder
+    assert "fs/write_text_file" not in str(cleo.heard)
+    assert "named no folder" in cleo.said
+
+
+async def test_a_fork_has_the_folder_of_whoever_made_it(connect: Opener) -> None:
+    ana, ben = await connect(), await connect()
+    session = (await ana.link.request("session/new", {"cwd": "/home/ana", "mcpServers": []}))["sessionId"]
+    ana.session = session
+    await ana.prompt("/where")
+    fork = await ben.link.request("session/fork", {"sessionId": session, "cwd": "/home/ben", "mcpServers": []})
+    listed = (await ben.link.request("session/list", {}))["sessions"]
+    folders = {one["sessionId"]: one["cwd"] for one in listed}
+    assert (folders[session], folders[fork["sessionId"]]) == ("/home/ana", "/home/ben")
+
+
 async def test_a_client_that_never_answers_keeps_no_session_busy(robot: Robot) -> None:
     async with client_of_an_impatient_agent(robot, capabilities=FILES) as client:
         async with asyncio.timeout(PATIENCE_S):
@@ -67,6 +95,9 @@ class Program:
 
     def __init__(self) -> None:
         self.asked: list[str] = []
+
+    def folder_of(self, session_id: str) -> str | None:
+        return "/home/ana"
 
     async def request(self, method: str, params: dict[str, Any]) -> Any:
         self.asked.append(method)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Iterator, Sequence
 from contextlib import AbstractContextManager, asynccontextmanager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,6 +13,7 @@ import orjson
 import pytest
 
 from backend.agent.robot.mcp_client import McpClient
+from backend.agent.sessions import journal as journal_module
 from backend.agent.sessions.history import History
 from backend.agent.sessions.journal import Journal
 from backend.agent.sessions.session import Session
@@ -123,6 +124,90 @@ async def test_a_write_that_hangs_hides_nothing_and_is_kept_once_whenever_it_end
         # The write of "one" is still under way in the database, and it will be repeated.
         await work.recovered()
         assert await work.kept() == ["one", "two", "three"]
+
+
+async def test_much_is_written_in_pieces_and_each_is_shown_when_it_is_kept(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with at_work(database) as work:
+        append, pieces = work.store.append, []
+
+        async def counted(events: Sequence[Event], changes: Any = None) -> None:
+            assert len(work.shown) == sum(map(len, pieces)), "the pieces before are shown, and nothing else"
+            await append(events, changes)
+            pieces.append(list(events))
+
+        monkeypatch.setattr(work.store, "append", counted)
+        for number in range(1000):
+            work.tell(f"{number}")
+        for _ in range(4):
+            work.tell("x" * journal_module.PIECE_BYTES)
+        await work.session.flushed()
+        assert max(len(piece) for piece in pieces) == journal_module.PIECE_EVENTS
+        assert all(sum(len(e.raw) for e in piece[:-1]) < journal_module.PIECE_BYTES for piece in pieces)
+        assert len(pieces) >= 8
+        assert work.shown == list(range(1, 1005))
+        assert len(await work.kept()) == 1004
+
+
+async def test_a_write_that_takes_long_is_awaited_and_not_sent_again(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with at_work(database) as work:
+        append, calls, may_go_on = work.store.append, [], asyncio.Event()
+
+        async def slow(events: Sequence[Event], changes: Any = None) -> None:
+            calls.append([event.seq for event in events])
+            await may_go_on.wait()
+            await append(events, changes)
+
+        monkeypatch.setattr(work.store, "append", slow)
+        work.journal.patience_s = 0.01
+        work.tell("one")
+        await eventually(lambda: work.journal.failure, "the journal to lose patience")
+        work.tell("two")
+        for _ in range(3):
+            await work.session.flushed()  # each is one round of the journal
+            work.tell("more")
+        assert calls == [[1]]
+        work.journal.patience_s = PATIENCE_S
+        may_go_on.set()
+        await work.recovered()
+        await work.session.flushed()
+        assert calls == [[1], [2, 3, 4, 5]]
+        assert await work.kept() == ["one", "two", "more", "more", "more"]
+
+
+async def test_the_log_of_the_agent_says_once_that_the_database_is_away(
+    database: Database, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with at_work(database) as work:
+        told: list[str | None] = []
+        unwatch = work.journal.watch(lambda: told.append(work.journal.failure))
+        with work.hurried(database.away()):
+            work.tell("one")
+            await eventually(lambda: work.journal.failure, "the failure")
+            for _ in range(3):
+                work.tell("more")
+                await work.session.flushed()
+        await work.recovered()
+        unwatch()
+        said = [record.getMessage() for record in caplog.records if record.name.endswith("journal")]
+        assert len(said) == 2, said
+        assert "cannot be written, and I try again" in said[0]
+        assert "can be written again" in said[1]
+        assert [failure is None for failure in told] == [False, True]
+
+
+async def test_a_database_that_is_away_is_noticed_though_nobody_writes(postgres: Cluster) -> None:
+    with postgres.new_database() as database:
+        async with at_work(database) as work:
+            work.journal.probe_s = 0.05
+            work.tell("one")
+            await work.session.flushed()
+            with database.away():
+                await eventually(lambda: work.journal.failure, "the journal to notice")
+            await work.recovered()
 
 
 @pytest.mark.slow
