@@ -19,7 +19,12 @@ class LinkError(Exception):
 
 
 class RefusedError(Exception):
-    """The agent answered a request with an error; the text is its message."""
+    """The agent answered a request with an error; the text is its message, `data` what it says to programs."""
+
+    def __init__(self, message: str, data: object = None) -> None:
+        super().__init__(message)
+        self.database_away = isinstance(data, dict) and data.get("unavailable") == "database"
+        """Whether the agent cannot use its database of sessions now."""
 
 
 Incoming = Callable[[dict[str, Any]], None]
@@ -51,7 +56,7 @@ class Link:
         finally:
             self._answers.pop(request_id, None)
         if "error" in message:
-            raise RefusedError(message["error"].get("message", "refused"))
+            raise RefusedError(message["error"].get("message", "refused"), message["error"].get("data"))
         return dict(message["result"] or {})
 
     async def notify(self, method: str, params: dict[str, Any]) -> None:

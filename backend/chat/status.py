@@ -37,6 +37,12 @@ class Halt(msgspec.Struct):
     text: str
 
 
+class Away(msgspec.Struct):
+    """The database of sessions cannot be used, and why."""
+
+    text: str
+
+
 class Telemetry(msgspec.Struct):
     """The parameters of `_robot/telemetry` (docs/extensions.md); an agent may leave out all but `online`."""
 
@@ -50,6 +56,7 @@ class Telemetry(msgspec.Struct):
     speaking: str | None = None
     turn: Turn | None = None
     halted: Halt | None = None
+    database: Away | None = None
 
 
 @dataclass
@@ -75,6 +82,7 @@ class Status:
             telemetry.halted and telemetry.halted.text,
             telemetry.motion and (telemetry.motion.kind, telemetry.motion.place),
             telemetry.speaking,
+            telemetry.database is not None,
             telemetry.turn and telemetry.turn.by,
             telemetry.battery and (telemetry.battery.charging, math.ceil(telemetry.battery.level / _BATTERY_STEP)),
         )
@@ -90,6 +98,8 @@ class Status:
         parts = [_doing(telemetry) if telemetry.online else f"{telemetry.robot} is not reachable"]
         if telemetry.halted:
             parts.append(f"halted by itself: {telemetry.halted.text}")
+        if telemetry.database:
+            parts.append("the session log is away, no task can begin")
         if telemetry.battery:
             charging = ", charging" if telemetry.battery.charging else ""
             parts.append(f"battery {telemetry.battery.level:.0%}{charging}")

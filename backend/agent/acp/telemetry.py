@@ -34,15 +34,27 @@ class TelemetryFeed:
         self._connection = connection
         self._sent_at = 0.0
         self._sent_key: object = None
-        self.close = wiring.link.watch(self._send)
+        self._unwatch = (
+            wiring.link.watch(self._send),
+            wiring.journal.watch(lambda: self._send(wiring.link.state)),  # also while the robot sends nothing
+        )
         self._send(wiring.link.state)
+
+    def close(self) -> None:
+        """Send no more."""
+        for unwatch in self._unwatch:
+            unwatch()
 
     def _send(self, state: telemetry.State | None) -> None:
         if self._connection.identity is None:
             return
         now = time.monotonic()
         # A change that people wait for is sent at once; everything else waits for the rate.
-        key = (state is None, state and (state.stop, state.motion is None, state.speaking, state.halted))
+        key = (
+            state is None,
+            state and (state.stop, state.motion is None, state.speaking, state.halted),
+            self._wiring.journal.failed_at,
+        )
         if key == self._sent_key and now - self._sent_at < self._every_s:
             return
         self._sent_at, self._sent_key = now, key
@@ -53,7 +65,7 @@ class TelemetryFeed:
         turn = self._turn()
         name = self._wiring.settings.robot.name
         if state is None:
-            return {"robot": name, "online": False, "turn": turn}
+            return {"robot": name, "online": False, "turn": turn, "database": self._database()}
         return {
             "robot": state.robot,
             "online": True,
@@ -66,7 +78,13 @@ class TelemetryFeed:
             "speaking": state.speaking,
             "halted": msgspec.to_builtins(state.halted),
             "turn": turn,
+            "database": self._database(),
         }
+
+    def _database(self) -> dict[str, Any] | None:
+        """Why the database of sessions cannot be used, and since when; None while it can."""
+        journal = self._wiring.journal
+        return {"text": journal.failure, "at": journal.failed_at} if journal.failure else None
 
     def _turn(self) -> dict[str, Any] | None:
         """The turn that controls the robot. Only those who may approve receive the queue of those that wait for it."""

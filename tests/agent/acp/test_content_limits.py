@@ -1,4 +1,4 @@
-"""What is too large to be kept is refused with a sentence, and the next request is answered. A stop is never refused."""
+"""What is too large to be kept is refused in words, and the next request is answered. A stop is never refused."""
 
 from __future__ import annotations
 
