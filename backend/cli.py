@@ -346,10 +346,20 @@ def _until_signal(work: Coroutine[Any, Any, int | None]) -> int:
     return asyncio.run(run())
 
 
+class LogLine(logging.Formatter):
+    """A record as one line, whatever texts of other people are in it; a traceback follows on lines of its own."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - the base class's name
+        from backend.visible import visible
+
+        record.message = visible(record.message)
+        return super().formatMessage(record)
+
+
 def _log_to_stderr(level: str) -> None:
-    logging.basicConfig(
-        level=level.upper(), stream=sys.stderr, format="%(asctime)s %(levelname)-7s %(name)s: %(message)s"
-    )
+    to_stderr = logging.StreamHandler(sys.stderr)
+    to_stderr.setFormatter(LogLine("%(asctime)s %(levelname)-7s %(name)s: %(message)s"))
+    logging.basicConfig(level=level.upper(), handlers=[to_stderr])
     for name in ("httpx", "httpx2", "httpcore", "httpcore2", "mcp", "websockets", "LiteLLM"):
         logging.getLogger(name).setLevel(max(logging.WARNING, logging.getLogger().level))
 

@@ -27,6 +27,9 @@ AUTH_REQUIRED = -32000
 NOT_ALLOWED = -32001
 CANCELLED = -32800
 
+HEALTH = "_robot/health"
+"""The one request that the agent answers before `initialize`: its event loop runs, and it reads what it is sent."""
+
 RequestId = str | int | None
 Kind = Literal["request", "notification", "response"]
 

@@ -17,12 +17,15 @@ from dataclasses import dataclass
 from typing import Protocol, cast
 from urllib.parse import urlsplit
 
+from backend import wire
 from backend.bridge.limits import Limits
 from backend.bridge.line_splitter import LineSplitter
 from backend.config import ConfigError
 
 _CONNECT_SECONDS = 5.0
-_PROBE_SECONDS = 1.0
+_PROBE_SECONDS = 2.0
+_PROBE = b'{"jsonrpc":"2.0","id":1,"method":"%b","params":{}}\n' % wire.HEALTH.encode()
+"""Every agent answers a request, if only with an error: a port that accepts connections does not prove that it runs."""
 _LAST_OUTPUT_SECONDS = 0.5
 """After an agent on stdio has exited, its last output may still arrive for this long."""
 
@@ -72,7 +75,7 @@ class Agent(Protocol):
         """A new connection for lines of at most `limit` bytes. Raises `AgentUnreachableError`."""
 
     async def probe(self) -> str | None:
-        """None when the agent accepts connections, otherwise a sentence that says what is wrong."""
+        """None when the agent answers (over stdio: when its command exists), or else what is wrong, as a sentence."""
 
 
 def agent_at(address: str, limits: Limits) -> Agent:
@@ -95,36 +98,40 @@ class _TcpAgent:
     def __init__(self, host: str, port: int) -> None:
         self.host = host
         self.port = port
-        self._open: set[_TcpConnection] = set()  # each connection adds and removes itself
 
     async def connect(self, listener: UpstreamListener, limit: int) -> Upstream:
         loop = asyncio.get_running_loop()
         try:
             async with asyncio.timeout(_CONNECT_SECONDS):
                 _, connection = await loop.create_connection(
-                    lambda: _TcpConnection(listener, limit, self._open), self.host, self.port
+                    lambda: _TcpConnection(listener, limit), self.host, self.port
                 )
         except (OSError, TimeoutError):
             raise AgentUnreachableError("The agent is not running.") from None
         return connection
 
     async def probe(self) -> str | None:
-        if self._open:
-            return None
+        where = f"{self.host}:{self.port}"
         try:
             async with asyncio.timeout(_PROBE_SECONDS):
-                _, writer = await asyncio.open_connection(self.host, self.port)
+                reader, writer = await asyncio.open_connection(self.host, self.port)
         except (OSError, TimeoutError):
-            return f"Nothing answers at {self.host}:{self.port}."
-        writer.close()
-        return None
+            return f"Nothing answers at {where}."
+        try:
+            writer.write(_PROBE)
+            async with asyncio.timeout(_PROBE_SECONDS):
+                answered = await reader.read(1)
+        except (OSError, TimeoutError):
+            answered = b""
+        finally:
+            writer.transport.abort()
+        return None if answered else f"The agent at {where} accepts connections, but does not answer."
 
 
 class _TcpConnection(asyncio.Protocol):
-    def __init__(self, listener: UpstreamListener, limit: int, open_connections: set[_TcpConnection]) -> None:
+    def __init__(self, listener: UpstreamListener, limit: int) -> None:
         self._listener = listener
         self._lines = LineSplitter(limit)
-        self._open_connections = open_connections
 
     def send(self, line: bytes) -> None:
         self._transport.write(line + b"\n")
@@ -150,7 +157,6 @@ class _TcpConnection(asyncio.Protocol):
         connected: socket.socket = transport.get_extra_info("socket")
         connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connected.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        self._open_connections.add(self)
 
     def data_received(self, data: bytes) -> None:
         self._listener.agent_lines(self._lines.feed(data))
@@ -162,7 +168,6 @@ class _TcpConnection(asyncio.Protocol):
         self._listener.agent_congested(False)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self._open_connections.discard(self)
         self._listener.agent_closed()
 
 

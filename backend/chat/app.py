@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
-import re
 import signal
 import sys
 from collections.abc import AsyncIterator, Callable
@@ -28,6 +27,7 @@ from backend.chat.link import Link, LinkError, RefusedError, open_link
 from backend.chat.status import METHOD, SUBSCRIPTION, Status
 from backend.chat.view import Line, Style, View
 from backend.config import Settings
+from backend.visible import visible
 
 _STYLES: dict[Style, str] = {
     "you": "bold",
@@ -38,8 +38,6 @@ _STYLES: dict[Style, str] = {
     "problem": "yellow",
     "note": "dim",
 }
-_UNSAFE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
-"""Control characters: with them a text from elsewhere could change the question that a person is about to answer."""
 _PING_SECONDS = 5.0
 """How often the round trip to the agent is timed, and how long an answer may take."""
 _ANSWERS = {"y": "allow_once", "n": "reject_once", "a": "allow_always", "v": "reject_always"}
@@ -167,7 +165,7 @@ class Chat:
     def _question_text(self, params: dict[str, Any]) -> str:
         seconds = (params.get("_meta") or {}).get(keys.TIMEOUT_S)
         limit = f" ({seconds:.0f} s to answer)" if seconds else ""
-        title = params["toolCall"].get("title", "act")
+        title = visible(params["toolCall"].get("title", "act"))
         return (
             f"{self._view.robot} asks: {title}{limit}\n  y allow · n don't · a always in this session · v never in it"
         )
@@ -260,7 +258,9 @@ class Chat:
         try:
             answer = await self._link.request(method, {})
             stopped = answer.get("stopped")
-            self._show([Line("problem", f"Stopped by {stopped['by']}.") if stopped else Line("note", "Released.")])
+            self._show(
+                [Line("problem", f"Stopped by {visible(stopped['by'])}.") if stopped else Line("note", "Released.")]
+            )
         except (RefusedError, LinkError) as error:
             self._show([Line("problem", str(error))])
 
@@ -299,7 +299,7 @@ class Chat:
         lines = [self._view.status or ("" if self._status else "ready")]
         if self._status:
             lines.append(self._status.line)
-        return FormattedText([("", "\n".join(f" {line}"[:200] for line in lines if line))])
+        return FormattedText([("", "\n".join(f" {visible(line)}"[:200] for line in lines if line))])
 
     def _show(self, lines: list[Line]) -> None:
         if self._as_json or not lines:
@@ -307,7 +307,7 @@ class Chat:
         # A new console each time: `patch_stdout` replaces the stream while a prompt is open.
         console = Console(file=sys.stdout, highlight=False, soft_wrap=True, force_terminal=sys.stdin.isatty() or None)
         for line in lines:
-            console.print(Text(_UNSAFE.sub("\ufffd", line.text), style=_STYLES[line.style]))
+            console.print(Text(visible(line.text, lines=True), style=_STYLES[line.style]))
 
     async def _plain_lines(self) -> AsyncIterator[str]:
         """Lines of a pipe: each is read when the one before has been carried out, but a stop as soon as it arrives."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from backend import meta as keys
+from backend.visible import visible
 
 Style = Literal["you", "thought", "robot", "tool", "result", "problem", "note"]
 
@@ -53,16 +54,16 @@ class View:
             return []
         lines = self.flush()
         if kind == "user_message_chunk":
-            lines.append(Line("you", f"{meta.get(keys.BY, 'you')}: {update['content'].get('text', '[attachment]')}"))
+            said = visible(update["content"].get("text", "[attachment]"), lines=True).replace("\n", "\n  ")
+            lines.append(Line("you", f"{visible(meta.get(keys.BY, 'you'))}: {said}"))
         elif kind == "plan":
-            lines += [Line("note", f"{_MARKS[e['status']]} {e['content']}") for e in update["entries"]]
+            lines += [Line("note", f"{_MARKS[e['status']]} {visible(e['content'])}") for e in update["entries"]]
         elif kind == "tool_call":
-            self._titles[update["toolCallId"]] = update["title"]
-            self.status = update["title"]
+            self.status = self._titles[update["toolCallId"]] = visible(update["title"])
         elif kind == "tool_call_update":
             lines += self._tool_status(update, meta)
         elif kind == "current_mode_update":
-            lines.append(Line("note", f"The mode is now {update['currentModeId']}."))
+            lines.append(Line("note", f"The mode is now {visible(update['currentModeId'])}."))
         elif kind == "session_info_update":
             self.title = update.get("title") or self.title
             lines += self._turn_end(meta.get(keys.TURN) or {})
@@ -85,9 +86,9 @@ class View:
         title = self._titles.get(update["toolCallId"], "Tool")
         decision = meta.get(keys.DECISION) or {}
         allowed = str(decision.get("option") or "").startswith("allow_")
-        lines = [Line("note", f"Allowed by {decision['by']}.")] if allowed and decision.get("by") else []
+        lines = [Line("note", f"Allowed by {visible(decision['by'])}.")] if allowed and decision.get("by") else []
         if update["status"] in ("completed", "failed"):
-            why = f": {_text(update)}" if update["status"] == "failed" and _text(update) else ""
+            why = f": {visible(_text(update))}" if update["status"] == "failed" and _text(update) else ""
             extras = "".join(f" [{kind}]" for kind in _kinds(update) if kind in ("image", "audio"))
             style: Style = "result" if update["status"] == "completed" else "problem"
             lines.append(Line(style, f"{_MARKS[update['status']]} {title}{extras}{why}"))

@@ -24,7 +24,7 @@ from starlette.routing import WebSocketRoute
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 
-from backend import config, tokens
+from backend import config, tokens, wire
 from backend.bridge import server
 from backend.bridge.connection_limits import ConnectionLimit
 from backend.bridge.limits import Limits
@@ -50,12 +50,19 @@ async def eventually(condition: Callable[[], object], seconds: float = PATIENCE)
             await asyncio.sleep(0.01)
 
 
+PROBE = wire.HEALTH.encode()
+
+
 class ScriptedAgent:
-    """An NDJSON peer on TCP: it records what it hears, and says what a test has it say."""
+    """An NDJSON peer on TCP: it records what it hears, and says what a test has it say.
+
+    It answers a probe of its health as an agent that does not know the method. Probes do not count as connections.
+    """
 
     def __init__(self) -> None:
         self.port = 0
         self.connections = 0
+        self.probes = 0
         self.heard_lines: asyncio.Queue[bytes] = asyncio.Queue()
         self.left = asyncio.Event()
         self.left.set()
@@ -96,6 +103,7 @@ class ScriptedAgent:
             self._writer.close()
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        before, left = self._writer, self.left.is_set()
         self.connections += 1
         self.left.clear()
         self._writer = writer
@@ -103,6 +111,17 @@ class ScriptedAgent:
             while True:
                 await self.reading.wait()
                 line = await reader.readline()
+                if PROBE in line:
+                    writer.write(
+                        b'{"jsonrpc":"2.0","id":1,"error":{"code":-32601,"message":"There is no such method."}}\n'
+                    )
+                    self.probes += 1
+                    self.connections -= 1
+                    self._writer = before
+                    writer.close()
+                    if not left:
+                        return
+                    break
                 if not line:
                     break
                 self.heard_lines.put_nowait(line.removesuffix(b"\n"))

@@ -122,10 +122,23 @@ async def test_the_agent_is_probed_once_however_many_ask(bridge_with, agent):
     patient = Limits(health_age_seconds=PATIENCE)  # the requests may take more than a second
     async with bridge_with(agent={"port": agent.port}, limits=patient) as bridge, bridge.http() as http:
         await asyncio.gather(*(http.get("/api/health") for _ in range(20)))
-    assert agent.connections == 1
+    assert agent.probes == 1
 
 
-async def test_an_agent_that_serves_a_client_is_not_probed(bridge, agent, client):
-    async with bridge.http() as http:
+async def test_an_agent_that_accepts_and_reads_nothing_is_not_up(bridge_with, agent, wait_until):
+    """A process that hangs still has an open port, and the connections of before."""
+    at_once = Limits(health_age_seconds=0)
+    async with bridge_with(agent={"port": agent.port}, limits=at_once) as bridge, bridge.http() as http:
         assert (await http.get("/api/health")).json()["agent"]["up"]
-    assert agent.connections == 1  # the client's own
+        async with bridge.websocket() as client:
+            await client.send(b'{"jsonrpc":"2.0","id":0,"method":"initialize","params":{}}')
+            await agent.heard()
+            agent.reading.clear()
+            detail = f"The agent at 127.0.0.1:{agent.port} accepts connections, but does not answer."
+            assert (await http.get("/api/health")).json()["agent"] == {"up": False, "detail": detail}
+            agent.reading.set()
+
+            async def agent_is_up() -> bool:
+                return (await http.get("/api/health")).json()["agent"]["up"]
+
+            await wait_until(agent_is_up)

@@ -55,3 +55,20 @@ def test_a_cancelled_turn_says_so() -> None:
 
 def test_an_update_of_a_kind_that_it_does_not_know_is_left_out() -> None:
     assert shown({"sessionUpdate": "something_new"}) == []
+
+
+def test_a_text_of_somebody_else_adds_no_line_of_its_own() -> None:
+    """A line such as "Allowed by Ana." in column 0 is the agent's."""
+    forged = "Hello.\nAllowed by Ana.\x1b[A"
+    said = {"sessionUpdate": "user_message_chunk", "content": {"type": "text", "text": forged}}
+    assert shown(said) == [Line("you", "you: Hello.\n  Allowed by Ana.␛[A")]
+    title = CALL | {"title": forged}
+    assert shown(title, call("completed")) == [Line("result", "✓ Hello.␊Allowed by Ana.␛[A")]
+    decision = {"_meta": {"robot-acp/decision": {"by": forged, "option": "allow_once", "reason": "selected"}}}
+    assert shown(CALL, call("in_progress", **decision)) == [Line("note", "Allowed by Hello.␊Allowed by Ana.␛[A.")]
+    plan = {"sessionUpdate": "plan", "entries": [{"content": forged, "status": "pending"}]}
+    assert shown(plan) == [Line("note", "○ Hello.␊Allowed by Ana.␛[A")]
+    why = {"type": "content", "content": {"type": "text", "text": forged}}
+    assert shown(CALL, call("failed", content=[why])) == [
+        Line("problem", "✗ Say aloud: “Hi.”: Hello.␊Allowed by Ana.␛[A")
+    ]

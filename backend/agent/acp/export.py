@@ -17,6 +17,7 @@ from backend.agent.sessions.database import StoreError
 from backend.agent.sessions.session import Listener, Session
 from backend.agent.sessions.store import Event, Store
 from backend.config import ConfigError
+from backend.visible import visible
 
 _ENVELOPE_BYTES = 64 * 1024
 """Reserved for all of a message but its content: mostly the path."""
@@ -72,7 +73,7 @@ async def list_sessions(database_url: str) -> int:
         while rows := await store.sessions(None, before, 100):
             for row in rows:
                 updated = datetime.fromtimestamp(row.updated).isoformat(" ", "minutes")
-                print(row.id, updated, row.owner, row.title or "", sep="  ")
+                print(row.id, updated, visible(row.owner), visible(row.title or ""), sep="  ")
             before = (rows[-1].updated, rows[-1].id)
     return 0
 

@@ -5,8 +5,9 @@ Only types of ACP version 1 are made here, because clients break on others. What
 
 from __future__ import annotations
 
-import json
 from typing import Any, Literal
+
+import orjson
 
 from backend import meta as keys
 from backend.agent.control.approvers import Outcome
@@ -178,7 +179,7 @@ def _repeats(block: dict[str, Any], structured: Any) -> bool:
     if structured is None or block["type"] != "text":
         return False
     try:
-        return bool(json.loads(block["text"]) == structured)
+        return bool(orjson.loads(block["text"]) == structured)
     except ValueError:
         return False
 

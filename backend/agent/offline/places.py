@@ -28,7 +28,7 @@ def read_map(text: str) -> list[Node]:
     """The nodes in the answer of a map tool. What is no node is left out."""
     try:
         raw = json.loads(text)
-    except ValueError:
+    except (ValueError, RecursionError):
         return []
     entries = raw.get("nodes", []) if isinstance(raw, dict) else []
     return [node for entry in entries if (node := _node(entry))]
@@ -47,8 +47,14 @@ def _node(entry: Any) -> Node | None:
         return None
 
 
+LONGEST_NAME = 200
+"""Characters of a place in a person's words; a longer text is compared with no name."""
+
+
 def find(wanted: str, nodes: list[Node]) -> list[Node]:
     """The nodes that `wanted` can mean: one when its meaning is clear, several to choose from, or none."""
+    if len(wanted) > LONGEST_NAME:
+        return []
     wanted = _ARTICLE.sub("", wanted.strip())
     key = _key(wanted)
     exact = [n for n in nodes if key in (_key(n.name), _key(n.id))]
@@ -62,6 +68,8 @@ def find(wanted: str, nodes: list[Node]) -> list[Node]:
 
 def unknown(wanted: str, nodes: list[Node]) -> str:
     """The sentence for a place that does not exist, the most similar names first."""
+    if len(wanted) > LONGEST_NAME:
+        wanted = wanted[:LONGEST_NAME] + "…"
     wanted = _ARTICLE.sub("", wanted.strip())
     names = [n.name for n in nodes]
     ranked = sorted(names, key=lambda n: -difflib.SequenceMatcher(None, _key(wanted), _key(n)).ratio())
@@ -69,7 +77,7 @@ def unknown(wanted: str, nodes: list[Node]) -> str:
 
 
 def _key(text: str) -> str:
-    return re.sub(r"[^\w]|_", "", text.lower())
+    return re.sub(r"[\W_]", "", text.lower())
 
 
 def _words(text: str) -> list[str]:

@@ -22,6 +22,7 @@ from backend.agent.offline.grammar import (
     Turn,
 )
 
+_LARGEST = 1e12
 _SPEECH = re.compile(r"speak|say|announce|talk|tts", re.I)
 
 
@@ -115,7 +116,8 @@ def outcome(action: Action, result: str, failed: bool) -> str:
     data = _data(result)
     match action:
         case GoTo() | GoToPoint() | GoBack() if data.get("reached") is False:
-            return f"The path is {data.get('path_length', 0):.1f} m long. I did not move."
+            length = _number(data.get("path_length"))
+            return f"The path is {length:.1f} m long. I did not move." if length is not None else "I did not move."
         case GoTo(place):
             named = str(data.get("place") or place)
             return f"I am at {place if named.lower() in place.lower() else named}."
@@ -163,23 +165,30 @@ def _turned(degrees: float) -> str:
 
 
 def _battery(data: dict[str, Any]) -> str:
-    level = data.get("battery")
-    if not isinstance(level, int | float):
+    level = _number(data.get("battery"))
+    if level is None:
         return "My status: " + json.dumps(data, ensure_ascii=False)
     return f"The battery is at {level:.0%}" + (" and charging." if data.get("charging") else ".")
 
 
 def _pose(data: dict[str, Any]) -> str:
-    if "x" not in data or "y" not in data:
+    x, y, yaw = (_number(data.get(name)) for name in ("x", "y", "yaw"))
+    if x is None or y is None:
         return "My position: " + json.dumps(data, ensure_ascii=False)
     near = f", near {data['nearest_place']}" if data.get("nearest_place") else ""
-    facing = f", facing {math.degrees(data['yaw']):.0f}°" if "yaw" in data else ""
-    return f"I am at x {data['x']:.1f} m, y {data['y']:.1f} m{facing}{near}."
+    facing = f", facing {math.degrees(yaw):.0f}°" if yaw is not None else ""
+    return f"I am at x {x:.1f} m, y {y:.1f} m{facing}{near}."
+
+
+def _number(value: object) -> float | None:
+    """A number of a robot whose results are not ours: None for every other value, and for one without a size."""
+    known = isinstance(value, int | float) and abs(value) < _LARGEST
+    return float(value) if known else None  # type: ignore[arg-type] # `known` has checked it
 
 
 def _data(result: str) -> dict[str, Any]:
     try:
         data = json.loads(result)
-    except ValueError:
+    except (ValueError, RecursionError):
         return {}
     return data if isinstance(data, dict) else {}

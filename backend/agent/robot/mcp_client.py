@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import re
 import shlex
 import string
 from collections.abc import AsyncIterator, Callable, Mapping
@@ -26,6 +27,7 @@ from mcp.shared.exceptions import MCPError
 from backend import meta as keys
 from backend.agent.control.policy import ToolTraits
 from backend.agent.robot import sign_of_life
+from backend.visible import visible
 
 log = logging.getLogger(__name__)
 
@@ -37,6 +39,11 @@ PARTING_TIMEOUT_S = 5.0
 """How long closing a connection may take; after that it goes on in the background."""
 MAX_RESULT_BYTES = 12 * 1024 * 1024
 """A spoken sentence is returned as sound: half a minute of it is over the SDK's own limit of one MiB."""
+
+
+MAX_TITLE_CHARS = 1000
+MAX_TOOLS = 500
+"""Of one server."""
 
 
 class ServerUnavailable(Exception):
@@ -98,7 +105,15 @@ class Tool:
         return {"type": "function", "function": function}
 
     def title_for(self, arguments: dict[str, Any]) -> str:
-        """A title for people of a call with these arguments."""
+        """A title for people of a call with these arguments, on one line, without invisible characters.
+
+        People allow the call by this title, so a title that is cut says how much is missing.
+        """
+        title = visible(self._title_for(arguments))
+        more = len(title) - MAX_TITLE_CHARS
+        return title if more <= 0 else f"{title[:MAX_TITLE_CHARS]}… ({more} more characters)"
+
+    def _title_for(self, arguments: dict[str, Any]) -> str:
         if self.title_template:
             with contextlib.suppress(KeyError, ValueError, IndexError, AttributeError, TypeError):
                 return _PlainFormatter().format(self.title_template, **arguments)
@@ -111,6 +126,11 @@ class _PlainFormatter(string.Formatter):
 
     def get_field(self, field_name: str, args: Any, kwargs: Any) -> Any:
         return kwargs[field_name], field_name
+
+    def format_field(self, value: Any, format_spec: str) -> Any:
+        if any(int(number) > MAX_TITLE_CHARS for number in re.findall(r"\d+", format_spec[:MAX_TITLE_CHARS])):
+            raise ValueError(f"a width of more than {MAX_TITLE_CHARS} characters")
+        return super().format_field(value, format_spec)
 
 
 ProgressCallback = Callable[[Progress], None]
@@ -286,8 +306,8 @@ async def _list(client: mcp.Client) -> list[Tool]:
         page = await client.list_tools(cursor=cursor)
         tools += [_tool(described) for described in page.tools]
         cursor = page.next_cursor
-        if cursor is None:
-            return tools
+        if cursor is None or not page.tools or len(tools) >= MAX_TOOLS:
+            return tools[:MAX_TOOLS]
 
 
 def _tool(described: mcp_types.Tool) -> Tool:

@@ -13,6 +13,7 @@ from typing import Any
 from acp.exceptions import RequestError
 
 from backend.agent.sessions.session import Listener, Session
+from backend.visible import visible
 
 _FIELD = "answer"
 
@@ -33,8 +34,9 @@ async def choose(
     if not able:
         raise NoAnswerError("Nobody can be asked this way. Put the question into your answer.")
     person = first if first in able else able[0]
-    form = {"type": "object", "properties": {_FIELD: {"type": "string", "enum": options}}, "required": [_FIELD]}
-    params = {"sessionId": session.id, "mode": "form", "message": question, "requestedSchema": form}
+    shown = [visible(option) for option in options]
+    form = {"type": "object", "properties": {_FIELD: {"type": "string", "enum": shown}}, "required": [_FIELD]}
+    params = {"sessionId": session.id, "mode": "form", "message": visible(question), "requestedSchema": form}
     await session.flushed()
     try:
         async with asyncio.timeout(timeout_s):
@@ -43,8 +45,8 @@ async def choose(
         raise NoAnswerError("Nobody answered. Do not guess.") from None
     # The person's rights can have changed since the question was asked.
     if person in session.watching and _may_choose(person, first):
-        for option in options:
-            if _chosen(result) == option:
+        for option, text in zip(options, shown, strict=True):
+            if _chosen(result) == text:
                 return option, person.name
     raise NoAnswerError("The person chose none of these. Do not guess.")
 

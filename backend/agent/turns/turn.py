@@ -24,9 +24,11 @@ from backend.agent.turns.inferences import Inferences
 from backend.agent.turns.phases import Phases
 from backend.agent.turns.tool_calls import ToolCalls
 from backend.identity import Identity
+from backend.visible import visible
 
 log = logging.getLogger(__name__)
 
+_TITLE_CHARS = 78
 _CUT: dict[model.CutReason, str] = {
     "max_tokens": "I stopped here: the model's answer got longer than it may be. Ask for a smaller part.",
     "refusal": "The model refused to go on with this.",
@@ -186,9 +188,9 @@ class Turn:
     def _name_session(self) -> str | None:
         """Name a session that has no title after its first prompt, and return the title; None where it has one."""
         text = " ".join(block["text"] for block in self.prompt if block.get("type") == "text")
-        text = text.replace("\0", "").strip()  # PostgreSQL takes none in a title
+        text = " ".join(text[: 10 * _TITLE_CHARS].split())
         if self.session.row.title is not None or not text:
             return None
-        title = (text[:77] + "…") if len(text) > 78 else text
+        title = visible(text if len(text) <= _TITLE_CHARS else text[: _TITLE_CHARS - 1] + "…")
         self.session.change(title=title)
         return title

@@ -56,6 +56,15 @@ async def test_whoever_does_not_begin_with_initialize_is_cut_off(robot: Robot, f
     raw.writer.close()
 
 
+async def test_only_a_question_about_its_health_is_answered_before_initialize(robot: Robot) -> None:
+    raw = await dial(robot)
+    await raw.send(b'{"jsonrpc":"2.0","id":"h","method":"_robot/health","params":{}}', json.dumps(HELLO).encode())
+    assert await raw.answer() == {"jsonrpc": "2.0", "id": "h", "result": {}}
+    async with asyncio.timeout(PATIENCE_S):
+        assert await raw.reader.read() == b""
+    raw.writer.close()
+
+
 @pytest.mark.parametrize(
     ("line", "code", "request_id"),
     [
