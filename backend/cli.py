@@ -19,7 +19,7 @@ from datetime import UTC, datetime, tzinfo
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from backend import __version__
+from backend import __version__, sessions_command
 from backend.identity import Role
 
 if TYPE_CHECKING:
@@ -110,11 +110,7 @@ def _parser() -> argparse.ArgumentParser:
     _token_commands(commands.add_parser("token", help="login tokens: create, list, revoke"))
 
     sessions = commands.add_parser("sessions", help="the log of sessions, for those who run the robot")
-    session_commands = sessions.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    session_commands.add_parser("list", help="the sessions, newest first").set_defaults(run=_sessions_list)
-    export = session_commands.add_parser("export", help="print a session's events as JSON Lines")
-    export.add_argument("id", help="the session's id, as `sessions list` shows it")
-    export.set_defaults(run=_sessions_export)
+    sessions_command.add_commands(sessions)
     return parser
 
 
@@ -317,18 +313,6 @@ def _token_revoke(settings: config.Settings, options: argparse.Namespace) -> int
     if not revoked:
         print(f"Nothing to do: no token of {options.id_or_name} is valid any more.")
     return 0
-
-
-def _sessions_list(settings: config.Settings, _options: argparse.Namespace) -> int:
-    from backend.agent.acp.export import list_sessions
-
-    return asyncio.run(list_sessions(settings.database_url))
-
-
-def _sessions_export(settings: config.Settings, options: argparse.Namespace) -> int:
-    from backend.agent.acp.export import print_session
-
-    return asyncio.run(print_session(settings.database_url, options.id))
 
 
 def _until_signal(work: Coroutine[Any, Any, int | None]) -> int:

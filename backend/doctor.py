@@ -5,6 +5,7 @@ It changes nothing: it must make no key, start no server and move no robot.
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import os
 import socket
@@ -21,7 +22,7 @@ OLDEST, NEWEST = (3, 11), (3, 13)
 
 async def run(settings: Settings) -> int:
     """Print one line for each finding, and return the exit status: 0 when nothing is missing."""
-    findings = [*_machine(settings), *await _processes(settings)]
+    findings = [*_machine(settings), await asyncio.to_thread(_database, settings), *await _processes(settings)]
     for finding in findings:
         print(finding)
     if settings.robot.kind == "ros2":
@@ -47,6 +48,16 @@ def _machine(settings: Settings) -> Iterator[Finding]:
         yield good("data folder", f"{folder}{'' if folder.exists() else ' (will be made)'}")
     else:
         yield bad("data folder", f"{folder} cannot be written", "Set data_dir to a folder of yours, or its rights.")
+
+
+def _database(settings: Settings) -> Finding:
+    """Whether the database of sessions can be used, also while the agent has it open."""
+    from backend.agent.sessions import database
+
+    try:
+        return good("database", database.examine(settings.database_url))
+    except Exception as error:
+        return bad("database", database.why(error), "The agent cannot keep sessions without it; Stop works.")
 
 
 async def _processes(settings: Settings) -> list[Finding]:

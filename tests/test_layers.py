@@ -14,7 +14,7 @@ import pytest
 
 BACKEND = Path(__file__).parent.parent / "backend"
 LAYERS = ("bridge", "agent", "mcp_robot", "chat", "gateway")
-ENTRY_POINTS = {"cli.py", "doctor.py", "up.py"}
+ENTRY_POINTS = {"cli.py", "doctor.py", "sessions_command.py", "up.py"}
 SHARED = {"config.py", "dial.py", "identity.py", "meta.py", "stdio.py", "streams.py", "telemetry.py", "wire.py"}
 
 ROOMS: dict[str, set[str]] = {

@@ -12,6 +12,7 @@ import os
 import signal
 import sys
 from collections.abc import AsyncIterator, Callable
+from pathlib import Path
 from typing import Any
 
 import orjson
@@ -23,6 +24,7 @@ from rich.text import Text
 
 from backend import meta as keys
 from backend.chat import plain_input
+from backend.chat.export import save_log
 from backend.chat.link import Link, LinkError, RefusedError, open_link
 from backend.chat.status import METHOD, SUBSCRIPTION, Status
 from backend.chat.view import Line, Style, View
@@ -77,6 +79,8 @@ class Chat:
         self._view = View()
         self._link: Link | None = None
         self._session = ""
+        """Empty while no session is open, because the database of sessions is away."""
+        self._wanted_session: str | None = None
         self._questions: dict[Any, dict[str, Any]] = {}
         self._turn: asyncio.Task[None] | None = None
         self._ready_for_input = asyncio.Event()
@@ -101,19 +105,31 @@ class Chat:
         initialized = await self._link.request("initialize", about)
         extensions = initialized.get("agentCapabilities", {}).get("_meta", {}).get(keys.CAPABILITIES, {})
         self._view.robot = extensions.get("robot", "The robot")
-        if session == "last":
+        self._wanted_session = session
+        try:
+            await self._open_session()
+        except RefusedError as error:
+            if not error.database_away:
+                raise
+            # Stop and telemetry need no session; the next prompt tries again.
+            self._show([Line("problem", str(error)), Line("note", _HELP)])
+        if self._status:
+            self._in_background(self._time_round_trips(self._link, self._status))
+
+    async def _open_session(self) -> None:
+        assert self._link is not None  # noqa: S101
+        wanted = self._wanted_session
+        if wanted == "last":
             listed = (await self._link.request("session/list", {}))["sessions"]
-            session = listed[0]["sessionId"] if listed else None
-        if session is None:
+            wanted = listed[0]["sessionId"] if listed else None
+        if wanted is None:
             self._session = (await self._link.request("session/new", {"cwd": "/", "mcpServers": []}))["sessionId"]
         else:
-            self._session = session
-            await self._link.request("session/load", {"sessionId": session, "cwd": "/", "mcpServers": []})
+            await self._link.request("session/load", {"sessionId": wanted, "cwd": "/", "mcpServers": []})
+            self._session = wanted
         self._show(
             [Line("note", f"{self._view.robot} is listening. {_HELP}"), Line("note", f"Session {self._session}")]
         )
-        if self._status:
-            self._in_background(self._time_round_trips(self._link, self._status))
 
     async def talk(self) -> int:
         """Carry out the input until it ends, or the connection is lost; the exit status is 1 then."""
@@ -235,13 +251,21 @@ class Chat:
 
     async def _prompt(self, text: str) -> None:
         assert self._link is not None  # noqa: S101
-        prompt = {"sessionId": self._session, "prompt": [{"type": "text", "text": text}]}
         try:
+            if not self._session:
+                await self._open_session()
+            if text.lower() == "/export":
+                file = await save_log(self._link, self._session, Path.cwd())
+                self._show([Line("note", f"The log of this session is in {file}.")])
+                return
+            prompt = {"sessionId": self._session, "prompt": [{"type": "text", "text": text}]}
             answer = await self._link.request("session/prompt", prompt)
             if self._as_json:
                 print(orjson.dumps({"stopReason": answer["stopReason"]}).decode(), flush=True)
         except RefusedError as error:
             self._show([Line("problem", str(error))])
+        except OSError as error:
+            self._show([Line("problem", f"The log cannot be written here: {error.strerror or error}.")])
         except LinkError:
             pass  # `talk` reports the lost connection
         finally:

@@ -9,12 +9,17 @@ from __future__ import annotations
 import asyncio
 
 import orjson
+from acp.exceptions import RequestError
 
+from backend import wire
 from backend.agent.acp import commands
 from backend.agent.acp.connection import ClientConnection
 from backend.agent.acp.rights import Rights, no_session
 from backend.agent.sessions.session import Session
 from backend.agent.sessions.sessions import Sessions
+
+MAX_ATTACHED = 512
+"""Sessions that one connection may watch at once: each is kept in memory as long as somebody watches it."""
 
 
 class Attachments:
@@ -34,7 +39,7 @@ class Attachments:
         Raises `RequestError` when the login no longer shows this session.
         """
         self.sessions.pop(session.id, None)
-        self.sessions[session.id] = session
+        self._take_place(session)
         async with self._one_replay:
             if self.sessions.get(session.id) is session:  # else the client has left it meanwhile
                 await self.attach_at_once(session, after)
@@ -44,11 +49,18 @@ class Attachments:
         if not self._all_sessions.shows(session, self._rights.known()):  # the login may have changed meanwhile
             self.sessions.pop(session.id, None)
             raise no_session(session.id)
-        self.sessions[session.id] = session
+        self._take_place(session)
         if after is None:
             await session.attach(self._connection)
         else:
             await session.attach(self._connection, lambda upto: self._all_sessions.replay(session, after, upto))
+
+    def _take_place(self, session: Session) -> None:
+        """Count a session as watched. Raises `RequestError` where the client watches too many."""
+        if session.id not in self.sessions and len(self.sessions) >= MAX_ATTACHED:
+            text = f"This connection watches {MAX_ATTACHED} sessions already. Leave one (_robot/leave), then try again."
+            raise RequestError(wire.NOT_ALLOWED, text)
+        self.sessions[session.id] = session
 
     def send_commands(self, session: Session) -> None:
         """Send the list of slash commands, unless the client has left the session meanwhile."""

@@ -6,10 +6,12 @@ Each checks the rights first. Nothing here runs a turn or answers a question; a 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Callable
 from typing import Any
 
 from acp.exceptions import RequestError
+from sqlalchemy.exc import SQLAlchemyError
 
 from backend import wire
 from backend.agent.acp.abilities import abilities
@@ -18,6 +20,7 @@ from backend.agent.acp.rights import Rights
 from backend.agent.control.lease import HeldByAnother
 from backend.agent.robot.mcp_client import ServerUnavailable
 from backend.agent.robot.robot_client import RobotError
+from backend.agent.sessions.database import StoreError
 from backend.agent.wiring import Wiring
 from backend.identity import Right
 
@@ -57,7 +60,8 @@ class Extensions:
             if name == "robot/leave":
                 session_id = str(params.get("sessionId"))
                 # Waits behind a load of the same session that is still reading the database.
-                await wiring.sessions.get(session_id, rights.known())
+                with contextlib.suppress(StoreError, SQLAlchemyError):  # leaving needs no log
+                    await wiring.sessions.get(session_id, rights.known())
                 self._leave(session_id)
                 return {}
             if name == "robot/events":

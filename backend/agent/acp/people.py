@@ -17,6 +17,8 @@ from backend.agent.sessions.session import Session
 
 METHOD = "_robot/people"
 EVERY_S = 1.0
+MAX_SESSIONS = 20
+"""Sessions that are listed of one person, those attached last."""
 
 Attached = Mapping[str, Session]
 """The sessions that a connection is attached to or about to be, the newest last, by session id."""
@@ -66,7 +68,8 @@ class People:
                 connections.setdefault((who.name, who.role.value), []).append(connection)
         for (name, role), theirs in sorted(connections.items(), key=lambda item: item[0]):
             sessions = dict.fromkeys(session_id for connection in theirs for session_id in self._watched(connection))
-            yield {"name": name, "role": role, "connections": len(theirs), "sessions": list(sessions)}
+            newest = list(sessions)[:MAX_SESSIONS]
+            yield {"name": name, "role": role, "connections": len(theirs), "sessions": newest}
 
     def _watched(self, connection: ClientConnection) -> Iterator[str]:
         for session in reversed(list(self._attached[connection].values())):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -105,6 +106,29 @@ def engine_for(database_url: str, *, alone: bool, serialise: Callable[[object], 
     return engine
 
 
+def examine(database_url: str) -> str:
+    """What `robot-acp doctor` says of a database that can be used. Changes nothing: a file that is not there yet is
+    not made. Raises what `why` puts into words."""
+    url = sa.make_url(database_url)
+    if url.get_backend_name() == "sqlite" and url.database and not Path(url.database).exists():
+        folder = next(place for place in Path(url.database).absolute().parents if place.exists())
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise StoreError(f"The database of sessions cannot be made: {folder} cannot be written.")
+        return "it will be made when the agent starts"
+    engine = engine_for(database_url, alone=False, serialise=str)
+    try:
+        with engine.connect() as connection:
+            tables = sa.inspect(connection).get_table_names()
+            if "sessions" not in tables:
+                return "it answers, and is empty"
+            if url.get_backend_name() == "sqlite":
+                connection.connection.executescript("BEGIN IMMEDIATE; ROLLBACK")  # whether it can be written
+            number = connection.execute(sa.text("SELECT count(*) FROM sessions")).scalar()
+            return f"it answers, with {number} sessions"
+    finally:
+        engine.dispose()
+
+
 VACUUM_AT_ONCE_BYTES = 64 * 1024 * 1024
 """A SQLite file of an older version is rewritten when it is opened, if it is not larger: that takes about a second."""
 _VACUUM_PAGES = 256
@@ -128,7 +152,7 @@ def vacuum_step(engine: sa.Engine) -> bool:
         free = connection.execute(sa.text("PRAGMA freelist_count")).scalar() or 0
         if free:
             # As a script: it is a statement without rows that has to be stepped once for each page.
-            connection.connection.executescript(f"PRAGMA incremental_vacuum({_VACUUM_PAGES})")  # type: ignore[attr-defined]
+            connection.connection.executescript(f"PRAGMA incremental_vacuum({_VACUUM_PAGES})")
             left = connection.execute(sa.text("PRAGMA freelist_count")).scalar() or 0
             if 0 < left < free:
                 return True

@@ -109,6 +109,7 @@ class Sessions:
                 # First, because without it the fork would have the answers "always" of the original.
                 forked = Event(row.id, ended + 1, now, as_json(updates.forked(session.id)))
                 await self._store.append([forked])
+                self._usage.add_event(forked)
                 await self._store.copy_events(session.id, row.id, ended)
                 self._usage.add_copy(session.id, row.id)
         except BaseException:
