@@ -56,6 +56,7 @@ class Journal:
         self.patience_s = patience_s
         self.probe_s = probe_s
         self._store = store
+        store.failed = lambda: self._wake.set()  # ask at once whether the database is there
         self._count = count
         self._unkept: deque[Event] = deque()
         self._unkept_bytes = 0

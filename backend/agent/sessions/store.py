@@ -9,9 +9,10 @@ reads page by page gets each event once.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import logging
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -143,6 +144,8 @@ class Store:
         self._url = url
         self._writes = writes
         self.page_bytes = page_bytes
+        self.failed: Callable[[], None] = lambda: None
+        """Called when a question to the database has failed."""
         self._engine: sa.Engine | None = None
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="store")
         self._searching = asyncio.Lock()
@@ -334,7 +337,8 @@ class Store:
                 for statement in statements:
                     connection.execute(statement)
 
-        await self.run(work)
+        with self._reported():
+            await self.run(work)
 
     async def read(self, query: sa.Select[Any]) -> Sequence[sa.Row[Any]]:
         """The rows of a query. Raises `StoreError` where the database takes longer than `ANSWER_S`."""
@@ -344,10 +348,19 @@ class Store:
                 return connection.execute(query).all()
 
         try:
-            async with asyncio.timeout(ANSWER_S):
-                return await self.run(work)
+            with self._reported():
+                async with asyncio.timeout(ANSWER_S):
+                    return await self.run(work)
         except TimeoutError:
             raise StoreError(SILENT) from None
+
+    @contextlib.contextmanager
+    def _reported(self) -> Iterator[None]:
+        try:
+            yield
+        except (sa.exc.SQLAlchemyError, TimeoutError):
+            self.failed()
+            raise
 
     @property
     def engine(self) -> sa.Engine:
