@@ -7,6 +7,7 @@ depth. `Frame.raw` is passed on as it arrived and must never be serialised again
 from __future__ import annotations
 
 import asyncio
+import re
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -60,6 +61,26 @@ class Frame:
     id: RequestId
     body: dict[str, Any]
     raw: bytes
+
+
+_HEAD = re.compile(
+    rb'\s{0,8}\{\s{0,8}(?:"jsonrpc"\s{0,8}:\s{0,8}"2\.0"\s{0,8},\s{0,8})?"id"\s{0,8}:\s{0,8}'
+    rb'("(?:[^"\\]|\\.){0,256}"|-?[0-9]{1,19}|null)\s{0,8},\s{0,8}'
+    rb'(?:"jsonrpc"\s{0,8}:\s{0,8}"2\.0"\s{0,8},\s{0,8})?"(result|error|method)"'
+)
+
+
+def who_waits(head: bytes) -> tuple[Kind, RequestId] | None:
+    """Whether the beginning of a message that is too large is that of a request or of a response, and its id, so that
+    whoever waits for it can be sent an error. None where the beginning does not say so."""
+    found = _HEAD.match(head[:2048])
+    if found is None:
+        return None
+    try:
+        request_id = orjson.loads(found[1])
+    except orjson.JSONDecodeError:
+        return None
+    return ("request" if found[2] == b"method" else "response", request_id) if valid_id(request_id) else None
 
 
 def error_frame(request_id: RequestId, code: int, message: str) -> bytes:

@@ -316,3 +316,24 @@ async def test_a_line_that_comes_in_pieces_is_waited_for():
         assert not reading.done()
         reader.feed_data(piece)
     assert await reading == b"one"
+
+
+@pytest.mark.parametrize(
+    ("head", "waits"),
+    [
+        (b'{"jsonrpc":"2.0","id":7,"result":{"a', ("response", 7)),
+        (b'{"jsonrpc": "2.0", "id": "x\\u0041", "error": {"a', ("response", "xA")),
+        (b'{"id":null,"jsonrpc":"2.0","result":', ("response", None)),
+        (b'{"jsonrpc":"2.0","id":"p1","method":"session/request_permission"', ("request", "p1")),
+        (b'{"jsonrpc":"2.0","method":"session/update","params":{"id":7,"result"', None),
+        (b'{"jsonrpc":"2.0","result":{"id":7,"result":', None),
+        (b'{"jsonrpc":"2.0","id":7.5,"result":', None),
+        (b'{"jsonrpc":"2.0","id":"' + b"x" * 300 + b'","result":', None),
+        (b'{"jsonrpc":"2.0","id":"\\q","result":', None),
+        (b"", None),
+        (b'{"id":' * 100_000, None),
+        (b" " * 100_000, None),
+    ],
+)
+def test_the_beginning_of_a_large_message_says_who_waits_for_it(head: bytes, waits: object) -> None:
+    assert wire.who_waits(head) == waits

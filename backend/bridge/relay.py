@@ -88,12 +88,17 @@ class Relay:
     # Called by the agent's connection:
 
     def agent_lines(self, lines: list[bytes]) -> None:
-        """Pass on valid lines, and drop others, such as log lines of an agent on stdio."""
+        """Pass on valid lines, and drop others, such as log lines of an agent on stdio.
+
+        Whoever waits for a line that is too large gets an error in its place.
+        """
         valid = []
         for line in lines:
             try:
                 valid.append(wire.check(line, self._max_frame_bytes).raw)
             except wire.BadFrame as bad:
+                if isinstance(bad, wire.FrameTooLarge) and (error := self._in_place_of(line)):
+                    valid.append(error)
                 log.warning("acp %s: dropped a line of the agent: %s", self._id, bad.message)
         if valid and not self._end.done():
             self._client.send_texts(valid)
@@ -115,6 +120,20 @@ class Relay:
         self._finish(CloseReason(SERVICE_RESTART, "The agent has stopped."))
 
     # Called by this class alone:
+
+    def _in_place_of(self, line: bytes) -> bytes | None:
+        """The error for the client in place of an answer that is too large; the agent is sent the one for a request."""
+        waiting = wire.who_waits(line)
+        if waiting is None:
+            return None
+        kind, request_id = waiting
+        sentence = f"The agent's message is larger than the {self._max_frame_bytes} bytes that the bridge passes on."
+        error = wire.error_frame(request_id, wire.INTERNAL_ERROR, sentence)
+        if kind == "response":
+            return error
+        if self._agent is not None:
+            self._agent.send(error)
+        return None
 
     def _accept_first(self, frame: wire.Frame) -> bool:
         """Whether the client's first frame is `initialize`; answers any other one and ends the relay."""

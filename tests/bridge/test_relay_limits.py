@@ -50,6 +50,26 @@ async def test_a_line_of_the_agent_that_is_too_long_is_dropped_and_the_next_one_
     assert "larger than 4096 bytes" in caplog.text
 
 
+async def test_who_waits_for_a_message_of_the_agent_that_is_too_large_gets_an_error(bridge_with, agent, initialize):
+    async with (
+        bridge_with(agent={"port": agent.port}, bridge={"max_frame_bytes": 4096}) as bridge,
+        bridge.websocket() as websocket,
+    ):
+        await websocket.send(initialize.decode())
+        await agent.heard()
+        large = "x" * 3_000_000
+        await agent.say(
+            b'{"jsonrpc":"2.0","id":"a\\"7","result":{"all":"' + large.encode() + b'"}}\n' + PING.encode() + b"\n"
+        )
+        answer = orjson.loads(await websocket.recv())
+        assert (answer["id"], answer["error"]["code"]) == ('a"7', wire.INTERNAL_ERROR)
+        assert "larger than the 4096 bytes" in answer["error"]["message"]
+        assert await websocket.recv() == PING
+        await agent.say(b'{"jsonrpc":"2.0","id":"p1","method":"ask","params":{"all":"' + large.encode() + b'"}}\n')
+        told = orjson.loads(await agent.heard())
+        assert (told["id"], told["error"]["code"]) == ("p1", wire.INTERNAL_ERROR)
+
+
 async def test_a_message_nested_too_deep_is_answered(client, agent):
     await client.send('{"jsonrpc":"2.0","id":1,"method":"x","params":' + '{"a":' * 99 + "1" + "}" * 100)
     assert orjson.loads(await client.recv())["error"]["code"] == wire.INVALID_REQUEST
