@@ -6,6 +6,7 @@ import asyncio
 import codecs
 import contextlib
 import fcntl
+import json
 import os
 import pty
 import signal
@@ -13,6 +14,7 @@ import struct
 import subprocess
 import termios
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import httpx
 import pytest
@@ -76,6 +78,31 @@ def test_a_token_counts_over_tcp_too(robot: Robot) -> None:
     done = chat(robot, "--token", robot.token("Vic", Role.VIEWER), say="say hello\n")
     assert done.returncode == 1
     assert "The role viewer may not prompt" in done.stderr
+
+
+def test_export_writes_the_log_into_the_folder_of_the_terminal(robot: Robot, tmp_path: Path) -> None:
+    command = robot.command("chat")
+    environment = robot.variables | {"PYTHONPATH": str(Path(__file__).parents[2])}
+    done = subprocess.run(
+        command,
+        env=environment,
+        input="where are you?\n/export\n",
+        text=True,
+        capture_output=True,
+        timeout=PATIENCE_S * 2,
+        cwd=tmp_path,
+        check=True,
+    )
+    [file] = tmp_path.iterdir()
+    assert f"The log of this session is in {file}." in done.stdout
+    assert file.stat().st_mode & 0o777 == 0o600
+    lines = [json.loads(line) for line in file.read_text().splitlines()]
+    assert [line["seq"] for line in lines] == list(range(1, len(lines) + 1))
+    session = file.stem.removeprefix("robot-acp-")
+    printed = subprocess.run(
+        robot.command("sessions", "export", session), env=robot.variables, text=True, capture_output=True, check=True
+    )
+    assert lines == [json.loads(line) for line in printed.stdout.splitlines()]
 
 
 @pytest.mark.parametrize(

@@ -35,8 +35,6 @@ log = logging.getLogger(__name__)
 PAGE = 50
 """Sessions of one page of the list."""
 PAGE_BYTES = 256 * 1024
-JUST_OPENED_S = 60.0
-"""A session counts as used for so many seconds after somebody has opened it."""
 IDLE_S = 600.0
 """A session that nobody uses is removed from memory after so many seconds."""
 
@@ -195,11 +193,12 @@ class Sessions:
         self._open.pop(session.id, None)
 
     def in_use(self, session_id: str) -> bool:
-        """Whether somebody watches a session, opened it a moment ago, or a turn runs in it."""
+        """Whether somebody watches a session, a turn runs in it, or it is being made or deleted. Who is just opening it
+        is told that it is gone."""
         session = self._open.get(session_id)
         if session is None:
             return session_id in self._hidden
-        return self._works(session) or time.monotonic() - session.last_opened < JUST_OPENED_S
+        return session.deleted or self._works(session)
 
     async def remove_unused(self, session_id: str) -> bool:
         """Delete a session that nobody uses, and say whether it was deleted."""

@@ -163,3 +163,32 @@ async def test_an_event_that_fits_into_no_message_is_kept_without_what_it_contai
         assert [len(event.raw) < 1000 for event in events] == [True] * 3
         assert events[0].update["status"] == "completed"
         assert "more than a message may have" in events[0].update["content"][0]["content"]["text"]
+
+
+async def test_a_quota_is_told_and_deleting_makes_room(robot: Robot) -> None:
+    limits = {"ROBOT_ACP_AGENT__STORAGE__SUPERVISOR_BYTES": "60000", "ROBOT_ACP_AGENT__STORAGE__VISITOR_SESSIONS": "3"}
+    own = robot.with_another_agent(limits)
+    with own.running("agent", port=own.agent_port):
+        client = await connect_to(own)
+        first = await client.new()
+        large = [{"type": "text", "text": "where are you?"}, {"type": "text", "text": "x" * 50_000}]
+        await client.link.request("session/prompt", {"sessionId": first, "prompt": large})
+        with pytest.raises(RefusedError, match=r"there is no room for this\. Delete sessions"):
+            await client.link.request("session/prompt", {"sessionId": first, "prompt": large})
+        with pytest.raises(RefusedError, match="there is no room for this"):
+            await client.link.request("session/fork", {"sessionId": first, "cwd": "/", "mcpServers": []})
+        second = await client.new()
+        await client.link.request("session/delete", {"sessionId": first})
+        client.session = second
+        assert await client.prompt("where are you?") == "end_turn"
+        token = {"robot-acp/token": own.token("Kiosk", Role.VISITOR)}
+        await client.link.request("authenticate", {"methodId": "token", "_meta": token})
+        visits = []
+        for _ in range(6):
+            visits.append(await client.new())
+            assert await client.prompt("where are you?") == "end_turn"
+            await client.link.request("_robot/leave", {"sessionId": client.session})
+        listed = [one["sessionId"] for one in (await client.link.request("session/list", {}))["sessions"]]
+        assert listed[0] == visits[-1]
+        assert len(listed) <= 3
+        await client.close()

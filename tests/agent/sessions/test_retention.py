@@ -15,13 +15,13 @@ from backend.agent.robot.mcp_client import McpClient, ToolResult
 from backend.agent.sessions.journal import Journal
 from backend.agent.sessions.media import without_media
 from backend.agent.sessions.retention import EMPTY_S, QuotaExceeded, Retention
-from backend.agent.sessions.session import Session
-from backend.agent.sessions.sessions import JUST_OPENED_S, Sessions
+from backend.agent.sessions.sessions import Sessions
 from backend.agent.sessions.store import Event, Store, as_json
 from backend.agent.sessions.usage import Usage
 from backend.config import Storage
 from backend.identity import Identity, Role
 from tests.agent.sessions.stores import ROW, listed
+from tests.agent.sessions.test_journal import Watcher
 
 ANA = Identity("Ana", Role.OPERATOR)
 KIOSK = Identity("Kiosk", Role.VISITOR)
@@ -124,6 +124,7 @@ async def test_a_visitors_oldest_sessions_make_room_and_one_in_use_never_does(ke
     await kept.counted()
     in_use = await kept.sessions.get("old0", KIOSK)
     assert in_use is not None
+    await in_use.attach(Watcher([]))
     retention = kept.limited(visitor_bytes=10_000)
     await retention.admit(KIOSK, "Kiosk", 3000)
     assert sorted(await listed(kept.store)) == ["ana", "old0", "old4"]
@@ -174,11 +175,13 @@ async def test_a_session_in_use_is_never_touched(kept: Kept) -> None:
     await kept.old("old", 99, photo())
     session = await kept.sessions.get("old", ANA)
     assert session is not None
+    watcher = Watcher([])
+    await session.attach(watcher)
     assert await enforced(kept, session_days=1, media_days=1, max_bytes=1) == ["old"]
-    session.last_opened -= 2 * JUST_OPENED_S
+    session.detach(watcher)
     assert await enforced(kept, session_days=1) == []
-    assert isinstance(session, Session)
     assert session.deleted
+    assert await kept.sessions.get("old", ANA) is None
 
 
 @pytest.mark.parametrize(
