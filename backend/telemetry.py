@@ -11,6 +11,8 @@ from typing import Literal
 
 import msgspec
 
+from backend import wire
+
 VERSION = 1
 
 Channel = Literal["state", "scan", "path", "map", "speech", "camera"]
@@ -189,10 +191,20 @@ def encode(message: AnyMessage | Subscribe) -> bytes:
 
 def decode(frame: bytes) -> AnyMessage:
     """The message in a frame. Raises `msgspec.ValidationError` or `msgspec.DecodeError`."""
-    message: AnyMessage = _decoder.decode(frame)
+    try:
+        message: AnyMessage = _decoder.decode(frame)
+    except wire.UNREADABLE as error:
+        raise _announced(error) from None
     return message
 
 
 def decode_subscribe(frame: bytes) -> Subscribe:
     """The subscription in a frame. Raises `msgspec.ValidationError` or `msgspec.DecodeError`."""
-    return _subscribe_decoder.decode(frame)
+    try:
+        return _subscribe_decoder.decode(frame)
+    except wire.UNREADABLE as error:
+        raise _announced(error) from None
+
+
+def _announced(error: Exception) -> msgspec.DecodeError:
+    return error if isinstance(error, msgspec.DecodeError) else msgspec.DecodeError(str(error))

@@ -22,7 +22,7 @@ from typing import Literal
 
 import msgspec
 
-from backend import identity
+from backend import identity, wire
 from backend.identity import Identity, InvalidToken, Role
 
 REGISTRY = "tokens.json"
@@ -242,7 +242,7 @@ def _parse(content: bytes) -> list[Record]:
     """Raises `ValueError`."""
     try:
         return msgspec.json.decode(content, type=list[Record])
-    except msgspec.DecodeError as error:
+    except wire.UNREADABLE as error:
         raise ValueError(str(error)) from None
 
 

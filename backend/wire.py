@@ -11,6 +11,7 @@ import re
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import msgspec
 import orjson
 
 from backend import meta as keys
@@ -30,6 +31,9 @@ CANCELLED = -32800
 
 HEALTH = "_robot/health"
 """The one request that the agent answers before `initialize`: its event loop runs, and it reads what it is sent."""
+
+UNREADABLE = (msgspec.MsgspecError, UnicodeDecodeError, RecursionError)
+"""What msgspec raises for bytes that it cannot decode: text that is no UTF-8 and deep nesting have their own errors."""
 
 RequestId = str | int | None
 Kind = Literal["request", "notification", "response"]

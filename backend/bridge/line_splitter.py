@@ -31,7 +31,8 @@ class LineSplitter:
             first = b"".join(self._parts)
         self._parts, self._size = [], 0
         self._keep(others.pop())
-        return [line for line in (first, *others) if line and not line.isspace()]
+        longest = self._limit + 1
+        return [line[:longest] for line in (first, *others) if line and not line.isspace()]
 
     def _keep(self, part: bytes) -> None:
         room = self._limit + 1 - self._size

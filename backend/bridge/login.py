@@ -14,6 +14,7 @@ from fastapi import APIRouter, Request, Response
 from fastapi.responses import JSONResponse
 from starlette.requests import HTTPConnection
 
+from backend import wire
 from backend.bridge.close_codes import LOGIN_ENDED, CloseReason
 from backend.bridge.origin import OriginPolicy
 from backend.identity import Identity, InvalidToken
@@ -147,5 +148,5 @@ async def _token_in_body(request: Request) -> str:
             raise LoginError("That is too long to be a login token.")
     try:
         return msgspec.json.decode(bytes(body), type=_LoginBody).token.strip()
-    except (msgspec.DecodeError, UnicodeDecodeError):
+    except wire.UNREADABLE:
         raise LoginError('Send the login token as JSON: {"token": "…"}.') from None

@@ -74,7 +74,8 @@ class Status:
         """Apply one message. True when it is worth a new line: more has changed than pose, speed and the like."""
         try:
             telemetry = msgspec.convert(params, Telemetry)
-        except msgspec.ValidationError:
+            _must_be_finite(telemetry)
+        except ValueError:  # msgspec's own error is one
             telemetry = Telemetry(online=False)
         key = (
             telemetry.online,
@@ -110,6 +111,14 @@ class Status:
         parts.append(f"held by {telemetry.turn.by}" if telemetry.turn else "held by nobody")
         parts.append("link –" if self.round_trip is None else f"link {self.round_trip * 1000:.0f} ms")
         return " · ".join(parts)
+
+
+def _must_be_finite(telemetry: Telemetry) -> None:
+    """Raises `ValueError` for a number without a size."""
+    for part in (telemetry.pose, telemetry.twist, telemetry.battery, telemetry.motion):
+        for value in msgspec.structs.astuple(part) if part else ():
+            if isinstance(value, float) and not math.isfinite(value):
+                raise ValueError("a number is not finite")
 
 
 def _doing(telemetry: Telemetry) -> str:

@@ -42,7 +42,13 @@ class View:
     """Id of a tool call -> its title."""
 
     def apply(self, update: dict[str, Any]) -> list[Line]:
-        """Follow an update, and return the lines that it adds."""
+        """Follow an update, and return the lines that it adds: one of a wrong form adds a line that says so."""
+        try:
+            return self._lines(update)
+        except (KeyError, TypeError, AttributeError, ValueError):
+            return [Line("problem", "The agent sent an update that cannot be read. It is left out.")]
+
+    def _lines(self, update: dict[str, Any]) -> list[Line]:
         kind = update.get("sessionUpdate", "")
         if kind == "agent_message_chunk":
             return self._stream("robot", update["content"])

@@ -30,8 +30,8 @@ def read_map(text: str) -> list[Node]:
         raw = json.loads(text)
     except (ValueError, RecursionError):
         return []
-    entries = raw.get("nodes", []) if isinstance(raw, dict) else []
-    return [node for entry in entries if (node := _node(entry))]
+    entries = raw.get("nodes") if isinstance(raw, dict) else None
+    return [node for entry in (entries if isinstance(entries, list) else ()) if (node := _node(entry))]
 
 
 def _node(entry: Any) -> Node | None:

@@ -30,7 +30,6 @@ _URL = re.compile(
     r"(?P<scheme>https?)://(?P<host>[a-z0-9_-]+(?:\.[a-z0-9_-]+)*|\[[0-9a-f:.]+\])(?::(?P<port>[0-9]{1,5}))?"
     r"(?P<path>(?:/[A-Za-z0-9._~@:+,=-]+)*/?)",
 )
-_AUTHORITY = re.compile(r"[A-Za-z]+://[^/]*")
 _DEFAULT_PORTS = {"http": 80, "https": 443}
 _HEADER_NAME = re.compile(r"[A-Za-z0-9!#$%&'*+.^_`|~-]{1,128}")
 _HEADER_VALUE = re.compile(r"[\x20-\x7e]*")
@@ -63,8 +62,11 @@ class Address:
     @classmethod
     def parse(cls, text: str) -> Address:
         """Raises `ValueError` with what is wrong, without the address itself: it can hold a password."""
-        lowered = _AUTHORITY.sub(lambda match: match[0].lower(), text, count=1)
-        found = _URL.fullmatch(lowered) if text.isascii() and len(text) <= MAX_URL_CHARS else None
+        found = None
+        if text.isascii() and len(text) <= MAX_URL_CHARS:
+            scheme, separator, rest = text.partition("://")
+            host, slash, path = rest.partition("/")
+            found = _URL.fullmatch(f"{scheme.lower()}{separator}{host.lower()}{slash}{path}")
         if found is None:
             raise ValueError(
                 "it must read http(s)://HOST[:PORT][/PATH], without a user, a query, a fragment or a percent sign"

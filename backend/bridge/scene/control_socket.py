@@ -16,6 +16,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.websockets import WebSocket
 
+from backend import wire
 from backend.bridge.close_codes import CLIENT_LEFT, REPLACED, TOO_LARGE, CloseReason
 from backend.bridge.first_completed import first_completed
 from backend.bridge.login import Authenticator, Login
@@ -112,7 +113,7 @@ def _parse(frame: bytes) -> _Request | None:
     """The request in a frame; None for a frame that contains none."""
     try:
         request = _decoder.decode(frame)
-    except msgspec.MsgspecError:
+    except wire.UNREADABLE:
         return None
     return request if request != _Request() else None
 

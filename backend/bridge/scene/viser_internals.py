@@ -30,6 +30,8 @@ import msgspec
 import rich
 import zstandard  # a dependency of viser, which compresses with it
 
+from backend import wire
+
 if TYPE_CHECKING:
     import viser
 
@@ -128,7 +130,7 @@ def decode(frame: bytes) -> PageCamera | Click | None:
         return None
     try:
         message = _decoder.decode(frame)
-    except (msgspec.ValidationError, msgspec.DecodeError):
+    except wire.UNREADABLE:
         return None
     if isinstance(message, _CameraMessage):
         if message.image_width <= 0 or message.image_height <= 0:
