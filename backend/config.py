@@ -132,6 +132,24 @@ class Robot(_Section):
     ros2: Ros2 = Ros2()
 
 
+class AgentRequests(_Section):
+    """How much one login may ask of the agent, and how connections before login are limited. A cancel and a stop are
+    never refused."""
+
+    per_second: float = Field(100.0, gt=0, description="requests and notifications of one login")
+    burst: int = Field(500, ge=10, description="so many of them may come at once; more are answered with an error")
+    pending_per_connection: int = Field(64, ge=4, description="requests that wait for their answers")
+    pending_per_login: int = Field(256, ge=4, description="the same over all connections of one login")
+    messages_per_second: float = Field(
+        1000.0, gt=0, description="messages read from one login, refused ones included; a message of 4 kB counts as two"
+    )
+    messages_burst: int = Field(20_000, ge=100, description="so many may come at once; more are read later")
+    initialize_timeout: float = Field(30.0, gt=0, description="seconds in which a new connection has to initialize")
+    max_bytes_before_login: int = Field(64 * 1024, ge=4096, description="of one message")
+    max_before_login: int = Field(256, ge=8, description="connections before login; beyond it the oldest is closed")
+    max_before_login_per_address: int = Field(16, ge=1, description="the same from one address, except loopback")
+
+
 class Agent(_Section):
     """The ACP agent."""
 
@@ -165,6 +183,7 @@ class Agent(_Section):
     mcp_allow: list[str] = Field([], description="MCP servers that a supervisor's client may bring: URL prefixes")
     policy: dict[str, dict[str, Decision]] = Field({}, description="mode -> tool -> allow, ask or deny")
     visitors: dict[str, Decision] = Field({}, description="tool -> what a visitor's prompt may do at most")
+    requests: AgentRequests = AgentRequests()
 
 
 class Bridge(_Section):
