@@ -186,6 +186,21 @@ class Agent(_Section):
     requests: AgentRequests = AgentRequests()
 
 
+class BridgeRequests(_Section):
+    """How fast one login's WebSockets are read, and how HTTP connections before login are limited."""
+
+    messages_per_second: float = Field(
+        1000.0, gt=0, description="WebSocket messages read from one login; one of 4 kB counts as two"
+    )
+    messages_burst: int = Field(20_000, ge=100, description="so many may come at once; more are read later")
+    header_timeout: float = Field(10.0, gt=0, description="seconds that the headers of a request may take")
+    body_timeout: float = Field(30.0, gt=0, description="seconds that the body of a request may take")
+    max_before_login: int = Field(
+        256, ge=8, description="connections that are no page's WebSocket; beyond it the oldest is closed"
+    )
+    max_before_login_per_address: int = Field(64, ge=1, description="the same from one address, except loopback")
+
+
 class Bridge(_Section):
     """The web side."""
 
@@ -196,6 +211,7 @@ class Bridge(_Section):
     allowed_origins: list[str] = Field([], description="further origins; the bridge's own is always allowed")
     max_frame_bytes: int = Field(16 * 1024 * 1024, gt=1024)
     max_connections: int = Field(512, gt=0, description="pages at once")
+    requests: BridgeRequests = BridgeRequests()
 
 
 class Settings(BaseSettings):

@@ -21,7 +21,7 @@ class Use(IntEnum):
     ANSWERING = 1
     """A request is being answered."""
     STOPPING = 2
-    """A request to stop the robot is being answered: never closed."""
+    """A request to stop the robot is being answered."""
 
 
 @dataclass
@@ -64,8 +64,7 @@ class ConnectionsBeforeLogin:
 
     def _close_oldest(self, candidates: list[Hashable]) -> None:
         oldest = min(candidates, key=lambda key: self._open[key].use)  # of equal ones the first
-        if self._open[oldest].use < Use.STOPPING:
-            self._open.pop(oldest).close()
+        self._open.pop(oldest).close()
 
 
 def network_of(host: str | None) -> str:

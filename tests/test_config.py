@@ -40,7 +40,7 @@ def test_every_setting_is_in_the_shipped_file() -> None:
     text = SHIPPED.read_text()
     robot = (config.Robot, config.Limits, config.Simulator, config.Ros2)
     sections = {"robot", "limits", "simulator", "ros2", "agent", "bridge", "policy", "visitors", "requests"}
-    for section in (config.Settings, *robot, config.Agent, config.AgentRequests, config.Bridge):
+    for section in (config.Settings, *robot, config.Agent, config.AgentRequests, config.Bridge, config.BridgeRequests):
         for name, about in section.model_fields.items():
             if name not in sections or about.annotation is str:
                 assert re.search(rf"^# {name} = ", text, re.M), name

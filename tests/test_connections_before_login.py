@@ -56,7 +56,7 @@ def test_one_computer_with_many_ipv6_addresses_is_one_sender() -> None:
     assert network_of("::ffff:192.0.2.1") == network_of("192.0.2.1") == "192.0.2.1"
 
 
-def test_one_that_is_being_answered_is_closed_after_those_that_wait_and_a_stop_never() -> None:
+def test_one_that_is_being_answered_is_closed_after_those_that_wait_and_a_stop_last() -> None:
     door = Door(3, 9)
     for key in range(3):
         door.add(key)
@@ -65,12 +65,9 @@ def test_one_that_is_being_answered_is_closed_after_those_that_wait_and_a_stop_n
     for key in range(3, 6):
         door.add(key)
     assert door.closed == [2, 3, 4]
-    door.limit.remove(5)
+    door.limit.set_use(5, Use.STOPPING)
     door.add(6)
+    assert door.closed == [2, 3, 4, 1]
     door.limit.set_use(6, Use.STOPPING)
     door.add(7)
-    door.limit.set_use(7, Use.STOPPING)
-    door.add(8)
-    door.limit.set_use(8, Use.STOPPING)
-    door.add(9)
-    assert door.closed == [2, 3, 4, 1]
+    assert door.closed == [2, 3, 4, 1, 0]

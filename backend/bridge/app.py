@@ -19,6 +19,7 @@ from backend.bridge.acp_socket import AcpSocket
 from backend.bridge.connection_limits import SCENE_SOCKETS_PER_PAGE, ConnectionLimit
 from backend.bridge.limits import Limits
 from backend.bridge.origin import HostGuard, OriginError, OriginPolicy
+from backend.bridge.reading_pace import ReadingPace
 from backend.bridge.robot_server_client import RobotServerClient
 from backend.bridge.scene.control_socket import CameraMoved, ControlSocket
 from backend.bridge.scene.proxy import ScenePage, SceneSocket, redirect_to_slash
@@ -70,8 +71,9 @@ def create_app(
     app.include_router(login.router(authenticator, settings.robot.name))
     app.include_router(api.router(authenticator, robot, health))
     pages, per_login = max_pages or bridge.max_connections, limits.pages_per_login
-    acp_limit = ConnectionLimit(authenticator, pages, per_login)
-    scene_limit = ConnectionLimit(authenticator, pages * SCENE_SOCKETS_PER_PAGE, per_login * SCENE_SOCKETS_PER_PAGE)
+    acp_limit = ConnectionLimit(authenticator, pages, per_login, ReadingPace(bridge.requests))
+    scene_sockets, per_login = pages * SCENE_SOCKETS_PER_PAGE, per_login * SCENE_SOCKETS_PER_PAGE
+    scene_limit = ConnectionLimit(authenticator, scene_sockets, per_login, ReadingPace(bridge.requests))
     acp = AcpSocket(authenticator, agent, max_frame_bytes=bridge.max_frame_bytes, limits=limits)
     app.router.routes.append(WebSocketRoute("/acp", acp_limit.endpoint(acp.serve)))
     app.router.routes += scene_routes(authenticator, scene, scene_limit)
