@@ -1,8 +1,8 @@
 """`/scene/` and `WS /scene`, or with a viewer's id behind them: viser behind the bridge's login, on the bridge's port.
 
-viser listens on loopback and accepts everybody. Nothing that a browser sends may be passed on to it: its messages can
-change what others see, and one of them opens a tunnel to the internet. So the proxy itself reads what a page reports
-(where its camera stands, and clicks), and answers it.
+viser listens on loopback, for this proxy alone (`viser_port`). Nothing that a browser sends may be passed on to it: its
+messages can change what others see, and one of them opens a tunnel to the internet. So the proxy itself reads what a page
+reports (where its camera stands, and clicks), and answers it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from websockets.typing import Subprotocol
 from backend.bridge.close_codes import CLIENT_LEFT, TRY_AGAIN_LATER, CloseReason
 from backend.bridge.first_completed import first_completed
 from backend.bridge.login import Authenticator, Login
-from backend.bridge.scene import viser_internals
+from backend.bridge.scene import viser_internals, viser_port
 from backend.bridge.scene.conflating_queue import NOT_READING, SEND_SECONDS, send_newest
 from backend.bridge.scene.drawing.camera_views import View
 from backend.bridge.scene.scene import Scene, SceneUnavailableError
@@ -67,7 +67,8 @@ class ScenePage:
     async def _fetch(self) -> str:
         try:
             async with asyncio.timeout(_START_SECONDS), httpx.AsyncClient(trust_env=False) as client:
-                answer = await client.get(f"http://127.0.0.1:{await self._scene.port()}/")
+                address = f"http://127.0.0.1:{await self._scene.port()}/"
+                answer = await client.get(address, headers=viser_port.SECRET_HEADERS)
                 answer.raise_for_status()
         except (httpx.HTTPError, TimeoutError):
             raise SceneUnavailableError("The scene is not ready. Try again in a moment.") from None
@@ -114,6 +115,7 @@ class SceneSocket:
             async with connect(
                 f"ws://127.0.0.1:{port}/",
                 subprotocols=offered or None,
+                additional_headers=viser_port.SECRET_HEADERS,
                 compression=None,
                 proxy=None,
                 max_size=None,
