@@ -25,6 +25,7 @@ from backend.bridge.scene.control_socket import CameraMoved, ControlSocket
 from backend.bridge.scene.proxy import ScenePage, SceneSocket, redirect_to_slash
 from backend.bridge.scene.robot_camera_socket import RobotCameraSocket
 from backend.bridge.scene.scene import Scene
+from backend.bridge.scene.ticket import SceneTickets
 from backend.bridge.upstream import agent_at
 from backend.bridge.web_app import SecurityHeaders, WebApp
 from backend.config import Settings
@@ -76,14 +77,18 @@ def create_app(
     scene_limit = ConnectionLimit(authenticator, scene_sockets, per_login, ReadingPace(bridge.requests))
     acp = AcpSocket(authenticator, agent, max_frame_bytes=bridge.max_frame_bytes, limits=limits)
     app.router.routes.append(WebSocketRoute("/acp", acp_limit.endpoint(acp.serve)))
-    app.router.routes += scene_routes(authenticator, scene, scene_limit)
+    tickets = SceneTickets(authenticator, settings.data_dir)
+    app.router.routes += scene_routes(authenticator, scene, scene_limit, tickets)
     app.mount("/", WebApp(web_dist))
     return app
 
 
-def scene_routes(authenticator: login.Authenticator, scene: Scene, limit: ConnectionLimit) -> list[BaseRoute]:
+def scene_routes(
+    authenticator: login.Authenticator, scene: Scene, limit: ConnectionLimit, tickets: SceneTickets
+) -> list[BaseRoute]:
     """The scene's page and WebSockets, without and with a viewer's id, and the robot's camera."""
-    page, socket = ScenePage(authenticator, scene).answer, limit.endpoint(SceneSocket(authenticator, scene).serve)
+    page = ScenePage(authenticator, scene, tickets).answer
+    socket = limit.endpoint(SceneSocket(authenticator, scene).serve, tickets.admit)
     return [
         WebSocketRoute("/camera", limit.endpoint(RobotCameraSocket(authenticator, scene).serve)),
         WebSocketRoute("/scene", socket),
@@ -93,7 +98,7 @@ def scene_routes(authenticator: login.Authenticator, scene: Scene, limit: Connec
         Route("/scene/{viewer}", redirect_to_slash),
         Route("/scene/{viewer}/", page),
         WebSocketRoute("/scene/{viewer}/control", limit.endpoint(ControlSocket(authenticator, scene).serve)),
-        Route("/scene/{viewer}/moved", CameraMoved(authenticator, scene).answer, methods=["POST"]),
+        Route("/scene/{viewer}/moved", CameraMoved(tickets, scene).answer, methods=["POST"]),
     ]
 
 

@@ -56,11 +56,13 @@ class ConnectionLimit:
         self._pace = pace or ReadingPace()
         self._open = Counter[str]()  # WebSockets, by login
 
-    def endpoint(self, serve: Serve) -> Callable[[WebSocket], Awaitable[None]]:
-        """The ASGI endpoint that admits a WebSocket and then calls `serve`."""
+    def endpoint(
+        self, serve: Serve, authenticate: Callable[[WebSocket], Login] | None = None
+    ) -> Callable[[WebSocket], Awaitable[None]]:
+        """The ASGI endpoint that admits a WebSocket and then calls `serve`; `authenticate` raises as `admit` does."""
 
         async def admit(websocket: WebSocket) -> None:
-            login = await _authenticate(self._authenticator, websocket)
+            login = await _authenticate(authenticate or self._authenticator.admit, websocket)
             if login is None:
                 return
             key = login.identity.token_id or login.identity.name
@@ -99,11 +101,11 @@ def max_pages_for(descriptors: int, wanted: int, before_login: int = 0) -> int:
     return max(1, min(wanted, room // DESCRIPTORS_PER_PAGE))
 
 
-async def _authenticate(authenticator: Authenticator, websocket: WebSocket) -> Login | None:
+async def _authenticate(authenticate: Callable[[WebSocket], Login], websocket: WebSocket) -> Login | None:
     """The login that opens a WebSocket; None when the upgrade was refused with an HTTP answer."""
     await websocket.receive()
     try:
-        return authenticator.admit(websocket)
+        return authenticate(websocket)
     except LoginError as error:
         answer = JSONResponse({"error": str(error)}, status_code=401)
     except OriginError as error:

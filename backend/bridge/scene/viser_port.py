@@ -38,7 +38,7 @@ def require_secret() -> None:
     from viser.infra import _infra
 
     # viser calls `websockets.asyncio.server.serve` and offers no way to add a check. Only viser's own name is replaced.
-    _infra.websockets = SimpleNamespace(  # type: ignore[attr-defined]
+    _infra.websockets = SimpleNamespace(
         asyncio=SimpleNamespace(server=SimpleNamespace(serve=_serve, ServerConnection=ServerConnection)),
         datastructures=websockets.datastructures,
         exceptions=websockets.exceptions,
