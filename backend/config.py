@@ -156,6 +156,24 @@ class Storage(_Section):
         return getattr(self, f"{role}_bytes", 0), getattr(self, f"{role}_sessions", 0)
 
 
+class AgentRequests(_Section):
+    """How much one login may ask of the agent, and how connections before login are limited. A cancel and a stop are
+    never refused."""
+
+    per_second: float = Field(100.0, gt=0, description="requests and notifications of one login")
+    burst: int = Field(500, ge=10, description="so many of them may come at once; more are answered with an error")
+    pending_per_connection: int = Field(64, ge=4, description="requests that wait for their answers")
+    pending_per_login: int = Field(256, ge=4, description="the same over all connections of one login")
+    messages_per_second: float = Field(
+        1000.0, gt=0, description="messages read from one login, refused ones included; a message of 4 kB counts as two"
+    )
+    messages_burst: int = Field(20_000, ge=100, description="so many may come at once; more are read later")
+    initialize_timeout: float = Field(30.0, gt=0, description="seconds in which a new connection has to initialize")
+    max_bytes_before_login: int = Field(64 * 1024, ge=4096, description="of one message")
+    max_before_login: int = Field(256, ge=8, description="connections before login; beyond it the oldest is closed")
+    max_before_login_per_address: int = Field(16, ge=1, description="the same from one address, except loopback")
+
+
 class Agent(_Section):
     """The ACP agent."""
 
@@ -190,6 +208,22 @@ class Agent(_Section):
     policy: dict[str, dict[str, Decision]] = Field({}, description="mode -> tool -> allow, ask or deny")
     visitors: dict[str, Decision] = Field({}, description="tool -> what a visitor's prompt may do at most")
     storage: Storage = Storage()
+    requests: AgentRequests = AgentRequests()
+
+
+class BridgeRequests(_Section):
+    """How fast one login's WebSockets are read, and how HTTP connections before login are limited."""
+
+    messages_per_second: float = Field(
+        1000.0, gt=0, description="WebSocket messages read from one login; one of 4 kB counts as two"
+    )
+    messages_burst: int = Field(20_000, ge=100, description="so many may come at once; more are read later")
+    header_timeout: float = Field(10.0, gt=0, description="seconds that the headers of a request may take")
+    body_timeout: float = Field(30.0, gt=0, description="seconds that the body of a request may take")
+    max_before_login: int = Field(
+        256, ge=8, description="connections that are no page's WebSocket; beyond it the oldest is closed"
+    )
+    max_before_login_per_address: int = Field(64, ge=1, description="the same from one address, except loopback")
 
 
 class Bridge(_Section):
@@ -202,6 +236,7 @@ class Bridge(_Section):
     allowed_origins: list[str] = Field([], description="further origins; the bridge's own is always allowed")
     max_frame_bytes: int = Field(16 * 1024 * 1024, gt=1024)
     max_connections: int = Field(512, gt=0, description="pages at once")
+    requests: BridgeRequests = BridgeRequests()
 
 
 class Settings(BaseSettings):

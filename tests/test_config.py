@@ -39,8 +39,9 @@ def test_every_line_of_the_shipped_file_shows_the_default() -> None:
 def test_every_setting_is_in_the_shipped_file() -> None:
     text = SHIPPED.read_text()
     robot = (config.Robot, config.Limits, config.Simulator, config.Ros2)
-    sections = {"robot", "limits", "simulator", "ros2", "agent", "bridge", "policy", "visitors", "storage"}
-    for section in (config.Settings, *robot, config.Agent, config.Storage, config.Bridge):
+    sections = {"robot", "limits", "simulator", "ros2", "agent", "bridge", "policy", "visitors", "storage", "requests"}
+    agent = (config.Agent, config.Storage, config.AgentRequests)
+    for section in (config.Settings, *robot, *agent, config.Bridge, config.BridgeRequests):
         for name, about in section.model_fields.items():
             if name not in sections or about.annotation is str:
                 assert re.search(rf"^# {name} = ", text, re.M), name

@@ -17,6 +17,8 @@ from starlette.applications import Starlette
 
 from backend import config, identity
 from backend.config import Settings
+from backend.connections_before_login import ConnectionsBeforeLogin
+from backend.http_protocol import HttpLimits, uvicorn_options
 from backend.mcp_robot import robots, stdio_transport
 from backend.mcp_robot.http.routes import create_app
 from backend.mcp_robot.motion.pilot import Pilot
@@ -29,6 +31,8 @@ logger = logging.getLogger(__name__)
 
 SEND_BUFFER = 128 * 1024
 """Bytes that the kernel may buffer for one connection. Telemetry in that buffer can no longer be replaced by newer."""
+MAX_CONNECTIONS = 256
+"""HTTP connections at once, without WebSockets; beyond it the one that has waited longest is closed."""
 GRACE = 2
 """Seconds that open connections have to end when the server shuts down."""
 
@@ -79,6 +83,7 @@ class _Http(uvicorn.Server):
         super().__init__(
             uvicorn.Config(
                 app,
+                **uvicorn_options(HttpLimits(ConnectionsBeforeLogin(MAX_CONNECTIONS, MAX_CONNECTIONS))),
                 ws="websockets-sansio",
                 ws_per_message_deflate=False,
                 ws_max_size=64 * 1024,

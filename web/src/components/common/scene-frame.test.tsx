@@ -81,3 +81,13 @@ it("stays as it is when the line was lost while the robot was heard", async () =
   tell({ silentSince: 7 }, { silentSince: null }, AWAY, { silentSince: 8 }, { link: { status: "online" } });
   expect(asked).not.toHaveBeenCalled();
 });
+
+it("has no part in this page, and is told the language and whether it is covered", async () => {
+  const frame = await shown();
+  expect(frame.getAttribute("sandbox")).toBe("allow-scripts");
+  const told = vi.fn();
+  Object.defineProperty(frame, "contentWindow", { value: { postMessage: told } });
+  document.documentElement.lang = "es";
+  const message = { type: "scene-frame", lang: "es", covered: false };
+  await waitFor(() => expect(told).toHaveBeenCalledWith(message, "*"));
+});

@@ -5,6 +5,7 @@ import { useTranslation } from "react-i18next";
 import { robotName, useStore } from "../../state/store";
 
 const ASK_AGAIN_MS = 5000;
+const TELL_AGAIN_MS = 200;
 
 /** `viewer`: the name with which this page moves the camera and picks; without one the map has no controls. */
 export function SceneFrame({ viewer }: { viewer?: string }) {
@@ -13,7 +14,11 @@ export function SceneFrame({ viewer }: { viewer?: string }) {
   const address = viewer === undefined ? "/scene/" : `/scene/${viewer}/`;
   const frame = useRef<HTMLIFrameElement>(null);
   const available = useSceneAvailable(address, frame);
-  if (available === true) return <iframe ref={frame} src={address} title={t("scene.frame", { robot })} />;
+  useTellFrame(frame, available === true);
+  // viser's page is foreign code: without an origin of its own it can reach neither this page nor its login.
+  if (available === true) {
+    return <iframe ref={frame} src={address} sandbox="allow-scripts" title={t("scene.frame", { robot })} />;
+  }
   return (
     <div className="scene-none">
       {available === false && (
@@ -63,6 +68,25 @@ function useSceneAvailable(address: string, frame: RefObject<HTMLIFrameElement |
     [address, frame],
   );
   return available;
+}
+
+/**
+ * Tells the map's page, which its sandbox keeps from looking, the language of this page and whether the map is covered.
+ * It is told again and again, since nothing reports either of them, nor when a reloaded map begins to listen.
+ */
+function useTellFrame(frame: RefObject<HTMLIFrameElement | null>, shown: boolean): void {
+  useEffect(() => {
+    if (!shown) return;
+    const seesCover = "checkVisibility" in Element.prototype; // browsers have it since 2024
+    const tell = (): void => {
+      if (frame.current === null) return;
+      const covered = seesCover && !frame.current.checkVisibility({ visibilityProperty: true });
+      const message = { type: "scene-frame", lang: document.documentElement.lang, covered };
+      frame.current.contentWindow?.postMessage(message, "*"); // its origin has no name, and this is no secret
+    };
+    const timer = setInterval(tell, TELL_AGAIN_MS);
+    return () => clearInterval(timer);
+  }, [frame, shown]);
 }
 
 async function answers(address: string): Promise<boolean> {
