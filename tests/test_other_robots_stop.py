@@ -152,6 +152,15 @@ async def test_nothing_of_ours_is_sent_to_it(foreign: Foreign, has_path: bool) -
         assert json.loads(next(line[2] for line in foreign.noted if line[:2] == ["body", "/stop"]))["by"]
 
 
+def test_the_doctor_looks_at_the_robot_that_is_driven(foreign: Foreign) -> None:
+    doctor = foreign.ours.spawn("doctor", stdout=subprocess.PIPE)
+    assert doctor.stdout is not None
+    said = doctor.stdout.read()
+    end(doctor)
+    assert f"robot: An MCP server at http://127.0.0.1:{foreign.port}." in said
+    assert f"127.0.0.1:{foreign.ours.robot_port}" not in said
+
+
 async def test_a_robot_behind_a_command_has_no_stop_and_everybody_is_told(tmp_path: Path) -> None:
     robot = Robot(tmp_path, {"ROBOT_ACP_AGENT__ROBOT_URL": f"stdio:{sys.executable} {THIRD}"})
     with robot.running("agent", port=robot.agent_port), robot.running("bridge", port=robot.bridge_port):
