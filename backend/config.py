@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal, Self
 
 from pydantic import (
-    AfterValidator,
     BaseModel,
     ConfigDict,
     Field,
     FiniteFloat,
     ValidationError,
+    field_validator,
     model_validator,
 )
 from pydantic_settings import (
@@ -149,9 +149,7 @@ class Agent(_Section):
     port: int = Field(9100, ge=0, le=65535)
     model: str = Field("offline/commands", min_length=1, description="any litellm model name")
     models: list[str] = Field([], description="further models that people may choose")
-    robot_url: Annotated[str, AfterValidator(robot_address.check)] | None = Field(
-        None, description="another MCP server: URL or stdio:COMMAND"
-    )
+    robot_url: str | None = Field(None, description="another MCP server: URL or stdio:COMMAND")
     database: str | None = Field(
         None, description="sqlite:///PATH or postgresql://…; default: SQLite in the data folder"
     )
@@ -178,6 +176,11 @@ class Agent(_Section):
     policy: dict[str, dict[str, Decision]] = Field({}, description="mode -> tool -> allow, ask or deny")
     visitors: dict[str, Decision] = Field({}, description="tool -> what a visitor's prompt may do at most")
 
+    @field_validator("robot_url")
+    @classmethod
+    def _is_an_mcp_server(cls, url: str | None) -> str | None:
+        return url if url is None else robot_address.check(url)
+
 
 class Bridge(_Section):
     """The web side."""
@@ -185,12 +188,17 @@ class Bridge(_Section):
     host: str = "127.0.0.1"
     port: int = Field(8080, ge=0, le=65535)
     agent: str | None = Field(None, description="tcp://HOST:PORT or stdio:COMMAND; default: the [agent] address")
-    robot_url: Annotated[str, AfterValidator(robot_address.check_base)] | None = Field(
+    robot_url: str | None = Field(
         None, description="base URL of the robot server; default: that of the robot which the agent drives"
     )
     allowed_origins: list[str] = Field([], description="further origins; the bridge's own is always allowed")
     max_frame_bytes: int = Field(16 * 1024 * 1024, gt=1024)
     max_connections: int = Field(512, gt=0, description="pages at once")
+
+    @field_validator("robot_url")
+    @classmethod
+    def _is_a_robot_server(cls, url: str | None) -> str | None:
+        return url if url is None else robot_address.check_base(url)
 
 
 class Settings(BaseSettings):

@@ -16,7 +16,7 @@ import httpx
 from backend.config import Settings
 from backend.findings import Finding, bad, good
 from backend.robot_address import without_login
-from backend.robot_server import RobotError, RobotServer
+from backend.robot_server import RobotError, RobotServerClient
 
 OLDEST, NEWEST = (3, 11), (3, 13)
 
@@ -82,7 +82,7 @@ async def _processes(settings: Settings) -> list[Finding]:
 async def _other_robot(settings: Settings) -> Finding:
     """Whether the robot of another make answers that the agent drives."""
     where = without_login(settings.robot_mcp_url)
-    server = RobotServer(settings.robot_base_url)
+    server = RobotServerClient(settings.robot_base_url)
     try:
         up, detail = await server.health()
     except RobotError:

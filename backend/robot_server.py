@@ -52,7 +52,7 @@ class NotStopped(RobotError):
         self.reason = reason
 
 
-class RobotServer:
+class RobotServerClient:
     """The robot server below `base_url`; None for a robot that has no HTTP paths. `secret` is shown to it, where it is
     one of ours."""
 

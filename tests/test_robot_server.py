@@ -14,7 +14,7 @@ import pytest
 from backend import dial, identity
 from backend.identity import Role
 from backend.robot_address import is_loopback
-from backend.robot_server import NotStopped, RobotError, RobotServer
+from backend.robot_server import NotStopped, RobotError, RobotServerClient
 from tests.processes import Client, Robot, eventually
 from tests.proxies import proxy
 
@@ -157,13 +157,13 @@ async def test_the_first_stop_after_a_restart_of_the_robot_server_reaches_it(tmp
     await server.close()
 
 
-def client_of(robot: Robot) -> RobotServer:
+def client_of(robot: Robot) -> RobotServerClient:
     secret = identity.shared_secret(robot.data, identity.ROBOT_TOKEN)
-    return RobotServer(f"http://127.0.0.1:{robot.robot_port}", secret)
+    return RobotServerClient(f"http://127.0.0.1:{robot.robot_port}", secret)
 
 
 @contextlib.asynccontextmanager
-async def answering(answers: dict[bytes, bytes | None]) -> AsyncIterator[tuple[RobotServer, list[bytes]]]:
+async def answering(answers: dict[bytes, bytes | None]) -> AsyncIterator[tuple[RobotServerClient, list[bytes]]]:
     """A client of a server that answers each path with these bytes, or hangs up; and the first line of each request."""
     lines: list[bytes] = []
 
@@ -176,7 +176,7 @@ async def answering(answers: dict[bytes, bytes | None]) -> AsyncIterator[tuple[R
         writer.close()
 
     listener = await asyncio.start_server(serve, "127.0.0.1", 0)
-    server = RobotServer(f"http://127.0.0.1:{listener.sockets[0].getsockname()[1]}", b"secret")
+    server = RobotServerClient(f"http://127.0.0.1:{listener.sockets[0].getsockname()[1]}", b"secret")
     yield server, lines
     await server.close()
     listener.close()
@@ -234,7 +234,7 @@ async def test_an_answer_without_end_is_not_read_to_its_end() -> None:
                 await writer.drain()
 
     listener = await asyncio.start_server(serve, "127.0.0.1", 0)
-    server = RobotServer(f"http://127.0.0.1:{listener.sockets[0].getsockname()[1]}")
+    server = RobotServerClient(f"http://127.0.0.1:{listener.sockets[0].getsockname()[1]}")
     with pytest.raises(NotStopped, match="did not confirm"):
         await server.stop("Ana")
     assert written < 64 * 1024 * 1024
@@ -243,7 +243,7 @@ async def test_an_answer_without_end_is_not_read_to_its_end() -> None:
 
 
 async def test_without_paths_there_is_nothing_to_reach() -> None:
-    server = RobotServer(None)
+    server = RobotServerClient(None)
     with pytest.raises(NotStopped, match="no stop path here"):
         await server.stop("Ana")
     with pytest.raises(RobotError, match="no path that releases"):

@@ -28,7 +28,7 @@ from backend.agent.turns.environment import TurnEnvironment
 from backend.agent.wiring import Wiring
 from backend.config import ConfigError, Settings
 from backend.descriptors import raise_limit
-from backend.robot_server import RobotServer
+from backend.robot_server import RobotServerClient
 from backend.sockets import notice_loss
 from backend.stdio import stdin, stdout
 from backend.tokens import Registry
@@ -134,7 +134,7 @@ async def _wiring(settings: Settings) -> AsyncIterator[Wiring]:
     )
     headers = {"Authorization": f"Bearer {bearer.decode()}"} if bearer else None
     tools = McpClient(settings.robot_mcp_url, headers, absent=_absent(settings))
-    server = RobotServer.of(settings, settings.robot_base_url)
+    server = RobotServerClient.of(settings, settings.robot_base_url)
     link = RobotClient(server)
     tokens = Registry(settings.data_dir)
     store = Store(settings.database_url)

@@ -20,13 +20,13 @@ from backend.bridge.login import Authenticator
 from backend.bridge.stop import RobotStop
 from backend.bridge.upstream import Agent
 from backend.identity import Right
-from backend.robot_server import RobotError, RobotServer
+from backend.robot_server import RobotError, RobotServerClient
 
 
 class Health:
     """Whether agent and robot are up. Both are asked at most once a second, however many clients ask."""
 
-    def __init__(self, agent: Agent, robot: RobotServer, robot_name: str, limits: Limits) -> None:
+    def __init__(self, agent: Agent, robot: RobotServerClient, robot_name: str, limits: Limits) -> None:
         self._agent = agent
         self._robot = robot
         self._robot_name = robot_name
@@ -58,7 +58,7 @@ class Health:
         }
 
 
-def router(authenticator: Authenticator, robot: RobotServer, robot_stop: RobotStop, health: Health) -> APIRouter:
+def router(authenticator: Authenticator, robot: RobotServerClient, robot_stop: RobotStop, health: Health) -> APIRouter:
     """The routes `/api/stop`, `/api/release` and `/api/health`."""
     routes = APIRouter(prefix="/api")
 

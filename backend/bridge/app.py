@@ -27,7 +27,7 @@ from backend.bridge.stop import RobotStop
 from backend.bridge.upstream import agent_at
 from backend.bridge.web_app import SecurityHeaders, WebApp
 from backend.config import Settings
-from backend.robot_server import RobotServer
+from backend.robot_server import RobotServerClient
 
 WEB_DIST = Path(__file__).resolve().parents[2] / "web" / "dist"
 
@@ -44,7 +44,7 @@ def create_app(
     registry = tokens.Registry(settings.data_dir)
     authenticator = login.Authenticator(registry, origins)
     agent = agent_at(settings.agent_address, limits)
-    robot = RobotServer.of(settings, settings.bridge_robot_base_url)
+    robot = RobotServerClient.of(settings, settings.bridge_robot_base_url)
     health = api.Health(agent, robot, settings.robot.name, limits)
     scene = Scene(settings.robot.name, robot)
 

@@ -15,7 +15,7 @@ import orjson
 from backend import dial, wire
 from backend import meta as keys
 from backend.bridge.login import Login
-from backend.robot_server import OWN_STOP, NotStopped, RobotError, RobotServer
+from backend.robot_server import OWN_STOP, NotStopped, RobotError, RobotServerClient
 
 _AGENT_SECONDS = 2.5
 _NO_AGENT = "The agent does not answer, so its turns were not cancelled either."
@@ -26,7 +26,7 @@ class RobotStop:
     """The stop of one robot. `agent` is the address of the agent that drives it: `tcp://HOST:PORT`, or a command, which
     is started for each client and so cannot cancel for others."""
 
-    def __init__(self, robot: RobotServer, agent: str) -> None:
+    def __init__(self, robot: RobotServerClient, agent: str) -> None:
         self._robot = robot
         self._agent = dial.Address.parse(agent, None) if agent.startswith("tcp:") else None
 

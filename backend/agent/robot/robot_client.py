@@ -20,7 +20,7 @@ from websockets.exceptions import InvalidHandshake, WebSocketException
 
 from backend import telemetry
 from backend.robot_server import RobotError as RobotError
-from backend.robot_server import RobotServer
+from backend.robot_server import RobotServerClient
 
 log = logging.getLogger(__name__)
 
@@ -43,7 +43,7 @@ class RobotClient:
 
     def __init__(
         self,
-        server: RobotServer,
+        server: RobotServerClient,
         *,
         stale_after: float = STALE_S,
         rest_timeout: float = REST_TIMEOUT_S,

@@ -17,7 +17,7 @@ from backend.bridge.scene.conflating_queue import ConflatingQueue
 from backend.bridge.scene.telemetry_feed import TelemetryFeed
 from backend.bridge.scene.viewers.viewers import Viewers
 from backend.bridge.scene.viser_starter import ViserStarter
-from backend.robot_server import RobotServer
+from backend.robot_server import RobotServerClient
 
 if TYPE_CHECKING:
     from backend.bridge.scene.drawing.scene_graph import SceneGraph
@@ -47,7 +47,7 @@ class Scene:
     def __init__(
         self,
         robot_name: str,
-        robot: RobotServer,
+        robot: RobotServerClient,
         *,
         starter: ViserStarter | None = None,
         limits: RestartLimits | None = None,

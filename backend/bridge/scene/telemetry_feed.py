@@ -16,7 +16,7 @@ from websockets.exceptions import WebSocketException
 
 from backend import telemetry
 from backend.bridge.first_completed import first_completed
-from backend.robot_server import RobotServer
+from backend.robot_server import RobotServerClient
 
 _WATCHED_RATE = 20.0
 _CAMERA_RATE = 5.0
@@ -34,7 +34,7 @@ class TelemetryFeed:
 
     def __init__(
         self,
-        robot: RobotServer,
+        robot: RobotServerClient,
         on_message: Callable[[telemetry.AnyMessage], Awaitable[None]],
         on_disconnect: Callable[[], None],
     ) -> None:
