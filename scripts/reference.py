@@ -50,7 +50,8 @@ BRIDGE_PATHS: Final = {
     "POST /api/logout": "Removes the login cookie.",
     "GET /api/me": "Who is logged in: `{name, role, robot, expires}`.",
     "POST /api/stop": "Stops the robot, for everyone who is logged in. It needs no agent. Answers "
-    "`{stopped: {by, at}}`, or 503 and `{error}` where the robot's server has not confirmed it ([safety](../safety.md#another-robot)).",
+    "`{stopped: {by, at}}`, or 503 and `{error}` where the robot's server has not confirmed it "
+    "([safety](../safety.md#another-robot)).",
     "POST /api/release": "Releases the stop, for supervisors.",
     "GET /api/health": "The state of agent and robot server.",
     "WebSocket /acp": "ACP: one JSON-RPC message a text frame.",
