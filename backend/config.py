@@ -8,15 +8,25 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    FiniteFloat,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 from pydantic_settings import (
     BaseSettings,
     PydanticBaseSettingsSource,
     SettingsConfigDict,
     TomlConfigSettingsSource,
 )
+
+from backend import robot_address
 
 DEFAULT_FILE = Path("robot.toml")
 Decision = Literal["allow", "ask", "deny"]
@@ -210,6 +220,11 @@ class Agent(_Section):
     storage: Storage = Storage()
     requests: AgentRequests = AgentRequests()
 
+    @field_validator("robot_url")
+    @classmethod
+    def _is_an_mcp_server(cls, url: str | None) -> str | None:
+        return url if url is None else robot_address.check(url)
+
 
 class BridgeRequests(_Section):
     """How fast one login's WebSockets are read, and how HTTP connections before login are limited."""
@@ -232,11 +247,18 @@ class Bridge(_Section):
     host: str = "127.0.0.1"
     port: int = Field(8080, ge=0, le=65535)
     agent: str | None = Field(None, description="tcp://HOST:PORT or stdio:COMMAND; default: the [agent] address")
-    robot_url: str | None = Field(None, description="base URL of the robot server; default: the [robot] address")
+    robot_url: str | None = Field(
+        None, description="base URL of the robot server; default: that of the robot which the agent drives"
+    )
     allowed_origins: list[str] = Field([], description="further origins; the bridge's own is always allowed")
     max_frame_bytes: int = Field(16 * 1024 * 1024, gt=1024)
     max_connections: int = Field(512, gt=0, description="pages at once")
     requests: BridgeRequests = BridgeRequests()
+
+    @field_validator("robot_url")
+    @classmethod
+    def _is_a_robot_server(cls, url: str | None) -> str | None:
+        return url if url is None else robot_address.check_base(url)
 
 
 class Settings(BaseSettings):
@@ -263,15 +285,51 @@ class Settings(BaseSettings):
         """The sources by precedence: flags, then variables, then the file."""
         return init_settings, env_settings, TomlConfigSettingsSource(settings_cls, cls.toml_file)
 
+    @model_validator(mode="after")
+    def _stop_reaches_the_robot_that_the_agent_drives(self) -> Self:
+        stopped, agent_is_elsewhere = self.bridge.robot_url, self.bridge.agent is not None
+        driven = self.agent.robot_url or (None if agent_is_elsewhere else self._own_robot_url)
+        if stopped and driven and robot_address.base_of(driven) and not robot_address.same_server(driven, stopped):
+            raise ValueError(
+                "bridge.robot_url is not the server of the robot that the agent drives, so Stop would stop another "
+                "robot. Leave bridge.robot_url out: then it follows agent.robot_url and [robot]"
+            )
+        return self
+
     @property
-    def robot_base_url(self) -> str:
-        """Base URL of the robot server: `/mcp`, `/telemetry`, `/stop` and `/health` lie below it."""
-        return self.bridge.robot_url or f"http://{self.robot.host}:{self.robot.port}"
+    def drives_our_robot_server(self) -> bool:
+        """Whether the agent drives the robot server of the `[robot]` section, and not an MCP server of another make or
+        place. Only that one receives the secret of the data folder, and only that one is started by `up`."""
+        return self.agent.robot_url is None or robot_address.same_server(self.agent.robot_url, self._own_robot_url)
+
+    @property
+    def robot_base_url(self) -> str | None:
+        """The URL below which the robot that the agent drives has `/telemetry`, `/stop` and `/health`. None for a robot
+        behind a command, unless `bridge.robot_url` says where it has them."""
+        if self.agent.robot_url is None:
+            return self._own_robot_url
+        return robot_address.base_of(self.agent.robot_url) or self.bridge.robot_url
+
+    @property
+    def bridge_robot_base_url(self) -> str | None:
+        """The same as the bridge reaches it, which may run on another machine."""
+        return self.bridge.robot_url or self.robot_base_url
+
+    def is_our_robot_server(self, base_url: str | None) -> bool:
+        """Whether the robot server below `base_url` is ours: it may receive the secret of the data folder."""
+        if base_url is None:
+            return False
+        named = self.agent.robot_url is None and base_url == self.bridge.robot_url
+        return named or robot_address.same_server(base_url, self._own_robot_url)
 
     @property
     def robot_mcp_url(self) -> str:
-        """The MCP URL of the robot's tools."""
-        return self.agent.robot_url or f"http://{self.robot.host}:{self.robot.port}/mcp"
+        """The MCP URL of the robot's tools, or `stdio:COMMAND`."""
+        return self.agent.robot_url or f"{self._own_robot_url}/mcp"
+
+    @property
+    def _own_robot_url(self) -> str:
+        return f"http://{self.robot.host}:{self.robot.port}"
 
     @property
     def agent_address(self) -> str:

@@ -11,7 +11,7 @@ from ipaddress import ip_address
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from backend import identity
+from backend import identity, robot_address
 from backend.agent.acp.connection import ClientConnection
 from backend.agent.acp.operations import Operations
 from backend.agent.acp.people import People
@@ -34,6 +34,7 @@ from backend.agent.wiring import Wiring
 from backend.config import ConfigError, Settings
 from backend.connections_before_login import ConnectionsBeforeLogin
 from backend.descriptors import raise_limit
+from backend.robot_server import RobotServerClient
 from backend.sockets import notice_loss
 from backend.stdio import stdin, stdout
 from backend.tokens import Registry
@@ -48,7 +49,6 @@ _SILENCE_S, _PROBE_S = 15, 5
 """How long a silent client counts as connected, and how often it is probed, in seconds: its machine may be gone."""
 _DESCRIPTORS_KEPT = 128
 """File descriptors for everything but the bridge's clients: other clients, the database, MCP servers, telemetry."""
-_ROBOT_ABSENT = "The robot server does not answer. Start it with `robot-acp robot`, then try again."
 
 
 async def serve(settings: Settings, *, stdio: bool = False) -> None:
@@ -80,7 +80,10 @@ async def _serve_tcp(wiring: Wiring) -> None:
         finally:
             clients.discard(task)
 
-    server = await asyncio.start_server(accept, where.host, where.port, limit=_STREAM_LIMIT, backlog=_BACKLOG)
+    try:
+        server = await asyncio.start_server(accept, where.host, where.port, limit=_STREAM_LIMIT, backlog=_BACKLOG)
+    except OSError as error:
+        raise ConfigError(f"The agent cannot listen on {where.host}:{where.port}: {error.strerror or error}.") from None
     log.info("agent on tcp://%s:%d", *server.sockets[0].getsockname()[:2])
     try:
         await asyncio.Event().wait()
@@ -144,12 +147,14 @@ async def _wiring(settings: Settings) -> AsyncIterator[Wiring]:
         offers = AllowList(agent.mcp_allow)
     except ValueError as error:
         raise ConfigError(str(error)) from None
-    # Our robot server has a secret, a telemetry stream and a stop path. No other MCP server receives our secrets.
-    ours = agent.robot_url is None
-    bearer = identity.shared_secret(settings.data_dir, identity.ROBOT_TOKEN).decode() if ours else None
-    headers = {"Authorization": f"Bearer {bearer}"} if bearer else None
-    tools = McpClient(settings.robot_mcp_url, headers, absent=_ROBOT_ABSENT)
-    link = RobotClient(settings.robot_mcp_url if ours else None, bearer)
+    # No other MCP server receives our secrets.
+    bearer = (
+        identity.shared_secret(settings.data_dir, identity.ROBOT_TOKEN) if settings.drives_our_robot_server else None
+    )
+    headers = {"Authorization": f"Bearer {bearer.decode()}"} if bearer else None
+    tools = McpClient(settings.robot_mcp_url, headers, absent=_absent(settings))
+    server = RobotServerClient.of(settings, settings.robot_base_url)
+    link = RobotClient(server)
     tokens = Registry(settings.data_dir)
     store = Store(settings.database_url)
     usage = Usage()
@@ -192,6 +197,7 @@ async def _wiring(settings: Settings) -> AsyncIterator[Wiring]:
         asyncio.create_task(journal.run(), name="journal"),
         asyncio.create_task(retention.run(), name="retention"),
         asyncio.create_task(link.run(), name="robot link"),
+        asyncio.create_task(server.keep_warm(), name="connection to the robot server"),
         asyncio.create_task(Attendance(sessions, lease, agent.unattended_after).run(), name="attendance"),
         asyncio.create_task(wiring.people.run(), name="people"),
         asyncio.create_task(_warm_up(tools, agent.model), name="warm up"),
@@ -205,7 +211,16 @@ async def _wiring(settings: Settings) -> AsyncIterator[Wiring]:
             task.cancel()
         await asyncio.gather(*background, return_exceptions=True)
         await tools.close()
+        await server.close()
         await store.close()
+
+
+def _absent(settings: Settings) -> str:
+    """The sentence for people while the robot does not answer."""
+    if settings.drives_our_robot_server:
+        return "The robot server does not answer. Start it with `robot-acp robot`, then try again."
+    where = robot_address.without_login(settings.robot_mcp_url)
+    return f"The robot's MCP server ({where}) does not answer. Start it, then try again."
 
 
 async def _warm_up(tools: McpClient, default_model: str) -> None:

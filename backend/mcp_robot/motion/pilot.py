@@ -227,6 +227,13 @@ class Pilot:
         logger.warning("Stop by %s (latched by %s).", by, stop.by)
         return stop
 
+    def name_stop(self, stop: Stop, by: str) -> Stop:
+        """Name the person who set `stop`, if it is latched still and has no name; returns what is latched."""
+        named = self._latch.name(stop, by)
+        if named is not stop:
+            logger.warning("It was %s who stopped.", named.by)
+        return named
+
     @staticmethod
     def _do_for_sure(act: Callable[[], None]) -> None:
         # A robot that fails to take one command must still get the next one, and the latch must still be set.

@@ -15,6 +15,7 @@ import yaml
 from PIL import Image, UnidentifiedImageError
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
 
+from backend.config import ConfigError
 from backend.mcp_robot.navigation.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -24,7 +25,7 @@ MIDDLE_GREY = 205
 """The shade that map_saver gives to unknown cells."""
 
 
-class WorldError(Exception):
+class WorldError(ConfigError):
     """A world that cannot be used; the text names the file and the reason."""
 
 

@@ -28,6 +28,7 @@ from backend.agent.robot.robot_client import RobotClient
 from backend.agent.wiring import Wiring
 from backend.config import Settings
 from backend.identity import Identity, Role
+from backend.robot_server import RobotServerClient
 from backend.telemetry import Battery, Pose, State, Twist
 from tests.processes import PATIENCE_S, Client, Robot, eventually
 
@@ -279,7 +280,7 @@ async def test_a_slow_replay_and_the_events_of_another_session_share_a_connectio
 
 
 async def test_old_telemetry_does_not_pile_up_for_a_client_that_does_not_read() -> None:
-    link = RobotClient(None, None)
+    link = RobotClient(RobotServerClient(None))
     wiring = SimpleNamespace(link=link, turns=SimpleNamespace(lease=Lease()), settings=Settings())
     told = 40_000  # 14 MB, if all of it were kept
     served = asyncio.Event()

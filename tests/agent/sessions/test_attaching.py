@@ -29,6 +29,7 @@ from backend.agent.wiring import Wiring
 from backend.chat.link import RefusedError
 from backend.config import Settings
 from backend.identity import Role
+from backend.robot_server import RobotServerClient
 from backend.tokens import Registry, create
 from tests.processes import PATIENCE_S, Client, eventually, free_port
 
@@ -113,7 +114,7 @@ async def a_place(data: Path) -> AsyncIterator[Place]:
     journal = Journal(store)
     keeping = asyncio.create_task(journal.run())
     sessions = Sessions(store, journal, nowhere, "get_current_pose", 1.0)
-    link, may_go_on = RobotClient(None, None), asyncio.Event()
+    link, may_go_on = RobotClient(RobotServerClient(None)), asyncio.Event()
     silent = Silent("http://127.0.0.1:1/mcp", absent="There is no robot.")
     environment = TurnEnvironment("Sancho", silent, Policy(), link, store, Lease(), 1.0, 5, 1.0)
     wiring = Wiring(
