@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 from pydantic_settings import (
@@ -20,6 +20,8 @@ from pydantic_settings import (
 
 DEFAULT_FILE = Path("robot.toml")
 Decision = Literal["allow", "ask", "deny"]
+Coordinate = Annotated[FiniteFloat, Field(ge=-1e6, le=1e6)]
+"""m in the map frame; nothing can be farther from its origin."""
 
 
 class ConfigError(Exception):
@@ -59,7 +61,7 @@ class KeepOut(_Section):
     """A keep-out zone, which the robot's footprint must not touch; corners in m of the map frame."""
 
     name: str = Field(min_length=1, max_length=80)
-    polygon: list[tuple[FiniteFloat, FiniteFloat]] = Field(min_length=3, max_length=1000)
+    polygon: list[tuple[Coordinate, Coordinate]] = Field(min_length=3, max_length=1000)
 
 
 class Simulator(_Section):
@@ -126,7 +128,9 @@ class Robot(_Section):
     world: str = Field("office", description="a built-in world, or the path of a map.yaml or the folder with one")
     time_scale: float = Field(1.0, gt=0, le=100)
     seed: int = Field(0, ge=0)
-    keep_out: list[KeepOut] = Field([], description="zones in addition to those of the world's keep_out.yaml")
+    keep_out: list[KeepOut] = Field(
+        [], max_length=200, description="zones in addition to those of the world's keep_out.yaml"
+    )
     limits: Limits = Limits()
     simulator: Simulator = Simulator()
     ros2: Ros2 = Ros2()

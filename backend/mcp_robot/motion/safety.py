@@ -14,7 +14,7 @@ import numpy as np
 
 from backend.config import Limits
 from backend.mcp_robot.motion import keep_out
-from backend.mcp_robot.navigation.grid import FREE, OCCUPIED, Floats, OccupancyGrid
+from backend.mcp_robot.navigation.grid import FARTHEST, FREE, OCCUPIED, Floats, OccupancyGrid
 from backend.mcp_robot.navigation.named_places import at_dock
 from backend.mcp_robot.refusal import Refusal
 from backend.mcp_robot.robot import TopologicalMap
@@ -26,8 +26,8 @@ PATH_MARGIN = 0.05
 """How much nearer (m) to a wall than its footprint a planned path may pass: about what a map's cells leave open."""
 PATH_STEP = 0.05
 """Metres between the points of a path that are checked."""
-FARTHEST = 1e6
-"""Metres from the origin beyond which a point of a path cannot be right."""
+LONGEST = 20_000.0
+"""Metres beyond which the length of a path cannot be right."""
 LET_OUT = 0.6
 """For the first so many m a path may be as near to a wall as the robot already stands."""
 MAX_TURN_DEGREES = 3600.0
@@ -57,7 +57,7 @@ def goal_is_free(grid: OccupancyGrid, goal: Pose, footprint_radius: float) -> No
     where = f"({goal.x:.1f}, {goal.y:.1f})"
     state = grid.state(goal.x, goal.y)
     if state is None:
-        raise Refusal("outside_map", f"The goal {where} is outside the map ({_extent(grid)}).")
+        raise Refusal("outside_map", f"The goal {where} is outside the map ({grid.extent}).")
     needed = footprint_radius + GOAL_MARGIN
     if grid.clearance(goal.x, goal.y) >= needed:
         return
@@ -69,6 +69,22 @@ def goal_is_free(grid: OccupancyGrid, goal: Pose, footprint_radius: float) -> No
     raise Refusal(
         "occupied", f"The goal {where} is too close to a wall: the robot needs {needed:.2f} m around it. {advice}"
     )
+
+
+def misplaced(grid: OccupancyGrid, x: float, y: float, footprint_radius: float) -> str | None:
+    """Why no robot can be sent to a place at this point of the map, as the end of a sentence; None when it can be."""
+    where, needed = f"({x:g}, {y:g})", footprint_radius + GOAL_MARGIN
+    state = grid.state(x, y)
+    if state is None:
+        return (
+            f"{where} is outside the map ({grid.extent}). Look at its position, and at the map's resolution and origin."
+        )
+    if grid.clearance(x, y) >= needed:
+        return None
+    advice = _advice(grid, Pose(x, y, 0.0), needed)
+    if state != FREE:
+        return f"{where} is not on free floor. {advice}"
+    return f"{where} is too close to a wall: the robot needs {needed:.2f} m around it. {advice}"
 
 
 def goal_keeps_out(zones: Sequence[Zone], grid: OccupancyGrid, goal: Pose, footprint_radius: float) -> None:
@@ -87,7 +103,7 @@ def path_is_free(grid: OccupancyGrid, zones: Sequence[Zone], points: Floats, foo
 
     A robot that already stands too near to something may drive out: for the first LET_OUT m it must only get no nearer.
     """
-    if not np.isfinite(points).all() or np.abs(points).max(initial=0.0) > FARTHEST:
+    if not len(points) or not np.isfinite(points).all() or np.abs(points).max() > FARTHEST or _length(points) > LONGEST:
         raise Refusal("not_finite", "The way that was planned has points that are no places. Choose another goal.")
     points, way = _dense(points)
     first = way <= LET_OUT
@@ -108,17 +124,15 @@ def path_is_free(grid: OccupancyGrid, zones: Sequence[Zone], points: Floats, foo
         raise Refusal("keep_out", f"The way leads through the keep-out zone {name} at ({x:.1f}, {y:.1f}).")
 
 
+def _length(points: Floats) -> float:
+    return float(np.hypot(*np.diff(points, axis=0).T).sum())
+
+
 def _dense(points: Floats) -> tuple[Floats, Floats]:
     """The same path with points at most PATH_STEP apart, shape (n, 2), and the distance of each along it, in m."""
     way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     along = np.union1d(way, np.arange(0.0, way[-1], PATH_STEP))
     return np.stack([np.interp(along, way, points[:, 0]), np.interp(along, way, points[:, 1])], axis=1), along
-
-
-def _extent(grid: OccupancyGrid) -> str:
-    x0, y0 = grid.origin_x, grid.origin_y
-    x1, y1 = x0 + grid.width * grid.resolution, y0 + grid.height * grid.resolution
-    return f"x from {x0:.1f} to {x1:.1f}, y from {y0:.1f} to {y1:.1f}"
 
 
 def _advice(grid: OccupancyGrid, goal: Pose, needed: float, zones: Sequence[Zone] = (), reach: float = 2.0) -> str:

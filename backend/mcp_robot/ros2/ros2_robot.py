@@ -21,8 +21,9 @@ from rclpy.action import ActionClient
 
 from backend.config import Limits, Ros2
 from backend.mcp_robot import speech
+from backend.mcp_robot.motion import safety
 from backend.mcp_robot.navigation import follower, planner
-from backend.mcp_robot.navigation.grid import FREE, Floats, OccupancyGrid
+from backend.mcp_robot.navigation.grid import Floats, OccupancyGrid
 from backend.mcp_robot.refusal import Halted, Refusal
 from backend.mcp_robot.robot import Fix, Picture, Remaining, Route, Sound, TopologicalMap, Velocity
 from backend.mcp_robot.ros2 import convert, failures
@@ -67,6 +68,7 @@ class Ros2Robot:
         self._remaining: Remaining | None = None  # what is left of it
         self._starting = True  # until the robot's parts are there
         self._halts = 0  # how often `halt` was called: a motion that was asked for before must not go on after it
+        self._misplaced: set[str] = set()  # ids of the places of which the log says that they do not fit the map
         self._search: tuple[OccupancyGrid, planner.SearchGrid] | None = None  # for the map that it was made of
         self._join()  # the ROS thread does not run yet
 
@@ -85,6 +87,7 @@ class Ros2Robot:
     def _join(self) -> None:
         node, s = self._ros.node, self._settings
         self._senses = Senses(node, s, self._limits.pose_timeout, self._zones)
+        self._senses.on_grid = self._check_places
         self._camera = Camera(self._ros, s, self._senses)
         self._navigate = ActionClient(node, NavigateToPose, s.navigate)
         self._spin = ActionClient(node, Spin, s.spin)
@@ -111,11 +114,14 @@ class Ros2Robot:
         await self._brake.let_go()
         if absent := self._absent():
             logger.error("Not there yet: %s. `robot-acp doctor` tells more.", ", ".join(absent))
-        if (grid := self._senses.grid) is None:
-            return
+
+    def _check_places(self, grid: OccupancyGrid) -> None:
+        """Log, once for each place, that nobody can drive to it in this map. On the thread that prepares maps."""
         for place in self.places.places:
-            if grid.state(place.pose.x, place.pose.y) != FREE:
-                logger.error("%s is not on free floor of the robot's map: is places.yaml of this map?", place.name)
+            mistake = safety.misplaced(grid, place.pose.x, place.pose.y, self.footprint_radius)
+            if mistake and place.id not in self._misplaced:
+                self._misplaced.add(place.id)
+                logger.error("%s %s Is places.yaml of this map?", place.name, mistake)
 
     def _may_move(self) -> bool:
         """Whether the robot moves, or may move because its nodes have not been discovered yet."""
