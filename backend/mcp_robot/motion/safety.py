@@ -40,6 +40,16 @@ def finite(**numbers: float | None) -> None:
             raise Refusal("not_finite", f"{name} must be an ordinary number, not {value}.")
 
 
+def goal_is_ordinary(goal: Pose) -> None:
+    """The goal's numbers are finite, and small enough to compute with: no farther than FARTHEST, at most ten turns."""
+    finite(x=goal.x, y=goal.y, yaw=goal.yaw)
+    if max(abs(goal.x), abs(goal.y)) > FARTHEST:
+        raise Refusal("outside_map", f"The goal ({goal.x:g}, {goal.y:g}) is outside every map. Coordinates are in m.")
+    most = math.radians(MAX_TURN_DEGREES)
+    if abs(goal.yaw) > most:
+        raise Refusal("bad_arguments", f"A yaw is in rad, from {-most:.1f} to {most:.1f}, not {goal.yaw:g}.")
+
+
 def not_stopped(stop: Stop | None) -> None:
     """The stop latch is not set."""
     if stop:
@@ -168,17 +178,19 @@ def where_to_charge(places: TopologicalMap) -> str:
 def turn_fits(degrees: float) -> None:
     """Not more than ten full turns in one motion."""
     if abs(degrees) > MAX_TURN_DEGREES:
-        raise Refusal("too_long", f"A turn of {degrees:.0f}° is more than {MAX_TURN_DEGREES:.0f}° at once.")
+        raise Refusal("too_long", f"A turn of {degrees:g}° is more than {MAX_TURN_DEGREES:.0f}° at once.")
 
 
 def speech_fits(text: str, limits: Limits) -> None:
-    """The text is not empty and not too long."""
+    """The text is not empty, not too long, and can be written down."""
     if not text.strip():
         raise Refusal("empty", "There is nothing to say in an empty text.")
     if len(text) > limits.max_speech_chars:
         raise Refusal(
             "too_long", f"The text has {len(text)} characters; {limits.max_speech_chars} are the most at once."
         )
+    if any("\ud800" <= character <= "\udfff" for character in text):
+        raise Refusal("bad_arguments", "The text has halves of characters (lone surrogates). Send whole ones.")
 
 
 class Rate:
