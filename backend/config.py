@@ -73,6 +73,8 @@ class Simulator(_Section):
     heading_noise: float = Field(0.0, ge=0, le=0.1, description="standard deviation of the yaw error, rad")
     wheel_slip: float = Field(0.0, ge=0, le=0.5, description="share of their grip that the wheels lose at most")
     battery: float = Field(0.92, gt=0, le=1, description="its charge at the start, from 0 to 1")
+    camera: bool = Field(True, description="whether it has a camera; without one there is no take_photo")
+    voice: bool = Field(True, description="whether it has a voice; without one there is no speak")
     laser_rays: int = Field(360, ge=60, le=1440)
 
 

@@ -191,6 +191,7 @@ class Pilot:
     async def speak(self, text: str) -> Sound:
         """Say a text aloud; returns when it is said. Raises `Refusal`. Cancelling the caller's task ends the speech."""
         safety.not_stopped(self.stopped)
+        safety.has_voice(self.robot.capabilities)
         safety.speech_fits(text, self.limits)
         safety.idle("speaking already" if self.speaking else None)
         self._speeches.take(self.robot.clock())
@@ -211,6 +212,7 @@ class Pilot:
 
     async def photo(self) -> Picture:
         """A picture from the camera, taken now. Raises `Refusal` (no_camera)."""
+        safety.has_camera(self.robot.capabilities)
         return await self.robot.photo()
 
     def brake(self) -> None:

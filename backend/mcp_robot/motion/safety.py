@@ -17,7 +17,7 @@ from backend.mcp_robot.motion import keep_out
 from backend.mcp_robot.navigation.grid import FARTHEST, FREE, OCCUPIED, Floats, OccupancyGrid
 from backend.mcp_robot.navigation.named_places import at_dock
 from backend.mcp_robot.refusal import Refusal
-from backend.mcp_robot.robot import TopologicalMap
+from backend.mcp_robot.robot import Capabilities, TopologicalMap
 from backend.telemetry import Battery, Pose, Stop, Zone
 
 GOAL_MARGIN = 0.05
@@ -179,6 +179,18 @@ def turn_fits(degrees: float) -> None:
     """Not more than ten full turns in one motion."""
     if abs(degrees) > MAX_TURN_DEGREES:
         raise Refusal("too_long", f"A turn of {degrees:g}° is more than {MAX_TURN_DEGREES:.0f}° at once.")
+
+
+def has_camera(capabilities: Capabilities) -> None:
+    """The robot has a camera."""
+    if not capabilities.camera:
+        raise Refusal("no_camera", "This robot has no camera.")
+
+
+def has_voice(capabilities: Capabilities) -> None:
+    """The robot has a voice."""
+    if not capabilities.voice:
+        raise Refusal("no_voice", "This robot has no voice.")
 
 
 def speech_fits(text: str, limits: Limits) -> None:

@@ -25,7 +25,7 @@ from backend.mcp_robot.motion import safety
 from backend.mcp_robot.navigation import follower, planner
 from backend.mcp_robot.navigation.grid import Floats, OccupancyGrid
 from backend.mcp_robot.refusal import Halted, Refusal
-from backend.mcp_robot.robot import Fix, Picture, Remaining, Route, Sound, TopologicalMap, Velocity
+from backend.mcp_robot.robot import Capabilities, Fix, Picture, Remaining, Route, Sound, TopologicalMap, Velocity
 from backend.mcp_robot.ros2 import convert, failures
 from backend.mcp_robot.ros2.brake import Brake
 from backend.mcp_robot.ros2.camera import Camera
@@ -58,6 +58,11 @@ class Ros2Robot:
         self.name = name
         self.footprint_radius = settings.footprint_radius
         self.places = places
+        self.capabilities = Capabilities(
+            camera=bool(settings.image),
+            voice=bool(settings.speech or settings.speech_action),
+            laser=bool(settings.scan),
+        )
         self.on_reroute: Callable[[Floats], None] = lambda _: None  # called with the new way of a drive
         self._settings = settings
         self._waits = waits or Waits()

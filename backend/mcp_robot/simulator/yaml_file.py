@@ -94,12 +94,12 @@ class _Loader(yaml.SafeLoader):
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         event: Any = self.peek_event()  # type: ignore[no-untyped-call]
+        mark: Any = event.start_mark
         if isinstance(event, yaml.AliasEvent):
-            raise yaml.composer.ComposerError(
-                None, None, f"aliases such as *{event.anchor} are not read; write it out", event.start_mark
-            )
+            problem = f"aliases such as *{event.anchor} are not read; write it out"
+            raise yaml.composer.ComposerError(None, None, problem, mark)
         if self._depth >= MAX_DEPTH:
-            raise yaml.composer.ComposerError(None, None, f"more than {MAX_DEPTH} levels", event.start_mark)
+            raise yaml.composer.ComposerError(None, None, f"more than {MAX_DEPTH} levels", mark)
         self._depth += 1
         try:
             return super().compose_node(parent, index)
