@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import (
     BaseModel,
@@ -30,6 +30,8 @@ from backend import robot_address
 
 DEFAULT_FILE = Path("robot.toml")
 Decision = Literal["allow", "ask", "deny"]
+Coordinate = Annotated[FiniteFloat, Field(ge=-1e6, le=1e6)]
+"""m in the map frame; nothing can be farther from its origin."""
 
 
 class ConfigError(Exception):
@@ -69,7 +71,7 @@ class KeepOut(_Section):
     """A keep-out zone, which the robot's footprint must not touch; corners in m of the map frame."""
 
     name: str = Field(min_length=1, max_length=80)
-    polygon: list[tuple[FiniteFloat, FiniteFloat]] = Field(min_length=3, max_length=1000)
+    polygon: list[tuple[Coordinate, Coordinate]] = Field(min_length=3, max_length=1000)
 
 
 class Simulator(_Section):
@@ -81,6 +83,8 @@ class Simulator(_Section):
     heading_noise: float = Field(0.0, ge=0, le=0.1, description="standard deviation of the yaw error, rad")
     wheel_slip: float = Field(0.0, ge=0, le=0.5, description="share of their grip that the wheels lose at most")
     battery: float = Field(0.92, gt=0, le=1, description="its charge at the start, from 0 to 1")
+    camera: bool = Field(True, description="whether it has a camera; without one there is no take_photo")
+    voice: bool = Field(True, description="whether it has a voice; without one there is no speak")
     laser_rays: int = Field(360, ge=60, le=1440)
 
 
@@ -136,7 +140,9 @@ class Robot(_Section):
     world: str = Field("office", description="a built-in world, or the path of a map.yaml or the folder with one")
     time_scale: float = Field(1.0, gt=0, le=100)
     seed: int = Field(0, ge=0)
-    keep_out: list[KeepOut] = Field([], description="zones in addition to those of the world's keep_out.yaml")
+    keep_out: list[KeepOut] = Field(
+        [], max_length=200, description="zones in addition to those of the world's keep_out.yaml"
+    )
     limits: Limits = Limits()
     simulator: Simulator = Simulator()
     ros2: Ros2 = Ros2()
