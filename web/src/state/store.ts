@@ -53,6 +53,13 @@ export interface HiddenAlerts {
   battery: number | null;
 }
 
+/**
+ * Why Stop failed: nothing answered; something else than the robot's server did; the server refused, and says why; or it
+ * could not reach the robot, and says what to do.
+ */
+export type StopFailure =
+  { kind: "noAnswer" } | { kind: "foreign" } | { kind: "refused" | "told"; sentence: string };
+
 /** Why nobody is logged in. */
 export type LoginProblem = "none" | "invalid" | "expired" | "unreachable";
 
@@ -106,8 +113,8 @@ export interface State {
   stop: Stop | null;
   /** True while Stop waits for its answer. */
   stopBusy: boolean;
-  /** Why Stop failed, in the server's words; empty where it gave none, null where Stop did not fail. Shown loudly. */
-  stopError: string | null;
+  /** Null where Stop did not fail. Shown loudly. */
+  stopError: StopFailure | null;
   toasts: Toast[];
   /** Alerts that the person here has hidden. */
   hidden: HiddenAlerts;

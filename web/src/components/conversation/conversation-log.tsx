@@ -7,6 +7,7 @@ import { useStickToEnd } from "../../hooks/use-stick-to-end";
 import type { Item } from "../../state/conversation/conversation";
 import { canPrompt } from "../../state/rights";
 import { robotName, useMe, useStore } from "../../state/store";
+import { Boundary } from "../common/boundary";
 import { AgentMessage, Note, Thought, UserMessage } from "./messages";
 import { PlanCard } from "./plan-card";
 import { setComposerText } from "./composer-text";
@@ -51,7 +52,13 @@ export function ConversationLog() {
           {items.length === 0 ? opening ? <Opening /> : <Empty /> : null}
           {dropped > 0 && <p className="muted earlier">{t("talk.earlier", { count: dropped })}</p>}
           {items.map((item) => (
-            <ItemView key={item.key} item={item} />
+            <Boundary
+              key={item.key}
+              resetKey={item}
+              fallback={() => <p className="note">{t("pane.entry")}</p>}
+            >
+              <ItemView item={item} />
+            </Boundary>
           ))}
           {turn !== null && last?.kind !== "agent" && !asked && !waitsForRobot && hasTelemetry && (
             <p className="working" aria-hidden="true">

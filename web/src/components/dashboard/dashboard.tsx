@@ -7,6 +7,7 @@ import { useAttention } from "../../attention/use-attention";
 import { useLayout } from "../../hooks/use-layout";
 import { callText } from "../../i18n/agent-terms";
 import { robotName, useStore } from "../../state/store";
+import { Boundary } from "../common/boundary";
 import { Alerts } from "../alerts/alerts";
 import { ActivityPanel } from "../activity/activity-panel";
 import { Header } from "../header/header";
@@ -56,7 +57,9 @@ export default function Dashboard() {
       </main>
       {layout === "medium" && <SessionDrawer open={drawer} onOpenChange={setDrawer} />}
       {phone && <PhoneTabs tab={tab} onTab={setTab} />}
-      <Toasts />
+      <Boundary fallback={() => null}>
+        <Toasts />
+      </Boundary>
     </div>
   );
 }

@@ -25,6 +25,7 @@ import { fixed, percent, speed } from "../../i18n/format";
 import { callText, untranslatedPart } from "../../i18n/agent-terms";
 import { robotName, useMe, useStore } from "../../state/store";
 import { Mark } from "../common/mark";
+import { PaneBoundary } from "../common/pane-boundary";
 import { PeopleMenu } from "./people-menu";
 import { SentenceWithQuote } from "../common/sentence-with-quote";
 import { SettingSelects } from "./setting-select";
@@ -46,26 +47,28 @@ export function Header({
   return (
     <header className="bar">
       <div className="bar-main">
-        {layout === "medium" && (
-          <button type="button" className="icon-button" aria-label={t("sessions.open")} onClick={onMenu}>
-            <Menu aria-hidden />
-          </button>
-        )}
-        {layout === "wide" && <Mark />}
-        <RobotState />
-        <div className="bar-numbers">
-          <Metrics />
-          <PeopleMenu />
-        </div>
-        <QuestionChip onClick={onQuestion} />
-        {layout === "wide" ? (
-          <div className="bar-settings">
-            <SettingSelects />
-            <MeMenu />
+        <PaneBoundary name={t("status.label")}>
+          {layout === "medium" && (
+            <button type="button" className="icon-button" aria-label={t("sessions.open")} onClick={onMenu}>
+              <Menu aria-hidden />
+            </button>
+          )}
+          {layout === "wide" && <Mark />}
+          <RobotState />
+          <div className="bar-numbers">
+            <Metrics />
+            <PeopleMenu />
           </div>
-        ) : (
-          <SettingsDialog />
-        )}
+          <QuestionChip onClick={onQuestion} />
+          {layout === "wide" ? (
+            <div className="bar-settings">
+              <SettingSelects />
+              <MeMenu />
+            </div>
+          ) : (
+            <SettingsDialog />
+          )}
+        </PaneBoundary>
       </div>
       <StopButton />
     </header>

@@ -4,6 +4,7 @@ import { useTranslation } from "react-i18next";
 import { degrees, fixed, metres, percent, wholeSeconds, speed } from "../../i18n/format";
 import { useRobotState } from "../../hooks/use-robot-state";
 import { robotName, useStore } from "../../state/store";
+import { PaneBoundary } from "../common/pane-boundary";
 import { SentenceWithQuote } from "../common/sentence-with-quote";
 import { SceneView } from "./scene-view";
 
@@ -14,8 +15,12 @@ export function ScenePane({ hidden, lazy }: { hidden: boolean; lazy: boolean }) 
   if (!hidden && !wanted) setWanted(true);
   return (
     <section className="pane scene" aria-label={t("scene.title")} data-hidden={hidden} inert={hidden}>
-      {wanted ? <SceneView shown={!hidden} alone={lazy} /> : <div className="scene-view" />}
-      <StatusList />
+      <PaneBoundary name={t("scene.title")}>
+        {wanted ? <SceneView shown={!hidden} alone={lazy} /> : <div className="scene-view" />}
+      </PaneBoundary>
+      <PaneBoundary name={t("status.label")}>
+        <StatusList />
+      </PaneBoundary>
     </section>
   );
 }

@@ -5,8 +5,18 @@ const en = {
     checking: "One moment …",
     skip: "Skip to the conversation",
     crashed: "Something on this screen went wrong.",
-    crashedText: "The robot is not affected, and Stop works. Load the screen again to go on.",
+    notLoaded: "This screen could not be loaded.",
+    crashedText: "The robot goes on as before. Stop is below. Load the screen again to go on.",
+    noServer: "The robot's server does not answer. Try again in a moment.",
     reload: "Load again",
+  },
+  pane: {
+    failed: "Something in this part of the screen went wrong: {{name}}.",
+    notLoaded: "This part of the screen could not be loaded: {{name}}.",
+    outdated: "There is a newer version of this page. Load it to see this part: {{name}}.",
+    again: "Try again",
+    load: "Load the newer version",
+    entry: "This entry cannot be shown.",
   },
   title: {
     plain: "{{robot}} · robot-acp",
@@ -70,6 +80,9 @@ const en = {
     label: "Stop the robot",
     noAnswer:
       "Stop did not get through: the robot's server does not answer. Use the stop button on the robot.",
+    foreign:
+      "Stop did not get through: something else answered in place of the robot's server. Use the stop button on the robot.",
+    refused: "Stop was not accepted. Use the stop button on the robot. {{reason}}",
     again: "Stop again",
     dismiss: "Hide this",
     stoppedBy: "Stopped by {{name}} at {{time}}.",
@@ -308,6 +321,7 @@ const en = {
     untitled: "Go on with the next step",
   },
   composer: {
+    name: "Field to write in",
     label: "Message to {{robot}}",
     placeholder: "Ask {{robot}} …",
     send: "Send",
@@ -368,6 +382,7 @@ const en = {
     close: "Close the camera",
   },
   kiosk: {
+    talk: "Conversation",
     title: "{{robot}} · at your service",
     hello: "Hello, I am {{robot}}.",
     whatNow: "What can I do for you? Touch something, or write to me.",

@@ -7,9 +7,19 @@ const es = {
     checking: "Un momento…",
     skip: "Ir a la conversación",
     crashed: "Algo ha fallado en esta pantalla.",
+    notLoaded: "No se ha podido cargar esta pantalla.",
     crashedText:
-      "Al robot no le afecta y el botón Parar sigue funcionando. Vuelva a cargar la pantalla para seguir.",
+      "El robot sigue como antes. El botón Parar está abajo. Vuelva a cargar la pantalla para seguir.",
+    noServer: "El servidor del robot no responde. Vuelva a intentarlo en un momento.",
     reload: "Volver a cargar",
+  },
+  pane: {
+    failed: "Algo ha fallado en esta parte de la pantalla: {{name}}.",
+    notLoaded: "No se ha podido cargar esta parte de la pantalla: {{name}}.",
+    outdated: "Hay una versión más nueva de esta página. Cárguela para ver esta parte: {{name}}.",
+    again: "Intentar otra vez",
+    load: "Cargar la versión nueva",
+    entry: "Esta entrada no se puede mostrar.",
   },
   title: {
     plain: "{{robot}} · robot-acp",
@@ -78,6 +88,9 @@ const es = {
     label: "Parar el robot",
     noAnswer:
       "La orden de parar no ha llegado: el servidor del robot no responde. Use el botón de parada del robot.",
+    foreign:
+      "La orden de parar no ha llegado: ha respondido otra cosa en lugar del servidor del robot. Use el botón de parada del robot.",
+    refused: "La orden de parar no se ha aceptado. Use el botón de parada del robot. {{reason}}",
     again: "Parar otra vez",
     dismiss: "Ocultar esto",
     stoppedBy: "Detenido por {{name}} ({{time}}).",
@@ -322,6 +335,7 @@ const es = {
     untitled: "Seguir con el paso siguiente",
   },
   composer: {
+    name: "Campo para escribir",
     label: "Mensaje para {{robot}}",
     placeholder: "Pida algo a {{robot}}…",
     send: "Enviar",
@@ -388,6 +402,7 @@ const es = {
     close: "Cerrar la cámara",
   },
   kiosk: {
+    talk: "Conversación",
     title: "{{robot}} · a su servicio",
     hello: "Hola, soy {{robot}}.",
     whatNow: "¿Qué puedo hacer por usted? Toque algo, o escríbame.",
