@@ -1,5 +1,5 @@
 /** The visitor's screen: a greeting with suggestions, then what was asked, what the robot does, and its answer. */
-import { useCallback, useEffect, useState } from "react";
+import { useCallback, useEffect, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { stopRobot } from "../acp/connection/stop";
 import { sendRequest, endVisit, startKiosk } from "../acp/screens/kiosk-visit";
@@ -33,6 +33,9 @@ export default function Kiosk() {
   const online = useStore((state) => state.link.status === "online");
   const [text, setText] = useState("");
   const [failed, setFailed] = useState(false);
+  /** Counts visitors: what belonged to the one before comes too late for the next. */
+  const visitor = useRef(0);
+  const [visitorKey, setVisitorKey] = useState(0);
   const turn = useStore((state) => conversationOf(state).turn);
   const running = turn !== null || opening;
 
@@ -43,6 +46,8 @@ export default function Kiosk() {
 
   const startOver = useCallback(() => {
     endVisit();
+    visitor.current++;
+    setVisitorKey(visitor.current);
     setText("");
     setFailed(false);
     setState({ stopError: null });
@@ -62,7 +67,15 @@ export default function Kiosk() {
     setText("");
     setFailed(false);
     // A refused prompt is part of the conversation; this is about a session that could not be begun.
-    sendRequest(words, me.name).catch(() => setFailed(true));
+    const asker = visitor.current;
+    const giveBack = (): void => {
+      if (asker !== visitor.current) return;
+      setText((since) => (since === "" ? words : since));
+      setFailed(true);
+    };
+    sendRequest(words, me.name).then((arrived) => {
+      if (!arrived) giveBack();
+    }, giveBack);
   };
 
   return (
@@ -87,6 +100,7 @@ export default function Kiosk() {
               </Boundary>
             )}
             <AskBar
+              key={visitorKey}
               text={text}
               onText={setText}
               running={running}

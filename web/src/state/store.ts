@@ -79,6 +79,8 @@ export interface State {
   clockOffsetMs: number;
   /** Whether the agent can delete sessions. */
   canDelete: boolean;
+  /** Whether the agent can send the events of a session from a number on, in place of all of them. */
+  canResume: boolean;
 
   sessions: SessionInfo[];
   /** The cursor of the next page of sessions; null when all are loaded. */
@@ -94,6 +96,8 @@ export interface State {
   currentId: string | null;
   /** True from choosing a session until it can be used. */
   opening: boolean;
+  /** Why the session on the screen could not be opened, in the agent's words; null where it could, or was not tried. */
+  notOpened: string | null;
   conversations: Record<string, Conversation>;
   /** Conversations that are being replayed. */
   drafts: Record<string, Conversation>;
@@ -128,6 +132,7 @@ export const INITIAL: State = {
   latencyMs: null,
   clockOffsetMs: 0,
   canDelete: false,
+  canResume: false,
   sessions: [],
   moreSessions: null,
   sessionsKnown: false,
@@ -135,6 +140,7 @@ export const INITIAL: State = {
   people: null,
   currentId: null,
   opening: false,
+  notOpened: null,
   conversations: {},
   drafts: {},
   attached: new Set(),

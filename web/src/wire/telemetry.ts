@@ -164,3 +164,10 @@ export function announcesTelemetry({ agentCapabilities }: InitializeResponse): b
   const extensions = isRecord(about) ? about["extensions"] : null;
   return Array.isArray(extensions) && extensions.includes(METHODS.telemetry);
 }
+
+/** Whether the agent resumes a session after a numbered event. Plain ACP resumes without what came meanwhile. */
+export function resumesAfterEvent({ agentCapabilities }: InitializeResponse): boolean {
+  return (
+    agentCapabilities?.sessionCapabilities?.resume != null && isRecord(agentCapabilities._meta?.["robot-acp"])
+  );
+}

@@ -8,10 +8,10 @@ import { keepHidden } from "../../state/alerts";
 import { getState, INITIAL, setState, type LoginProblem } from "../../state/store";
 import type { Me } from "../../wire/bridge";
 import type { Person } from "../../wire/people";
-import { announcesTelemetry, type Telemetry } from "../../wire/telemetry";
+import { announcesTelemetry, resumesAfterEvent, type Telemetry } from "../../wire/telemetry";
 import { takeToken } from "../sessions/address";
 import { forgetAskedCalls } from "../sessions/questions";
-import { receiveUpdate } from "../sessions/sessions";
+import { forgetPrompts, receiveUpdate } from "../sessions/sessions";
 import { setAgent } from "./agent";
 import { Link, type LinkEvents } from "./link";
 import { Poll } from "./poll";
@@ -130,6 +130,7 @@ export function startConnection(screen: Screen): void {
     onQuestion: screen.onQuestion,
     onOpen: (agent, initialized) => {
       setAgent(agent);
+      setState({ canResume: resumesAfterEvent(initialized) });
       awaitTelemetry(initialized);
       return screen.onOpen(agent, initialized);
     },
@@ -154,6 +155,7 @@ export function endConnection(): void {
   setAgent(null);
   endTelemetryWatch();
   forgetAskedCalls();
+  forgetPrompts();
   checks.end();
   failedChecks = 0;
   window.removeEventListener("online", reconnectNow);

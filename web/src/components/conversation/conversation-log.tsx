@@ -7,10 +7,12 @@ import { useStickToEnd } from "../../hooks/use-stick-to-end";
 import type { Item } from "../../state/conversation/conversation";
 import { canPrompt } from "../../state/rights";
 import { robotName, useMe, useStore } from "../../state/store";
+import { openSession } from "../../acp/sessions/sessions";
+import { SentenceWithQuote } from "../common/sentence-with-quote";
 import { Boundary } from "../common/boundary";
 import { AgentMessage, Note, Thought, UserMessage } from "./messages";
 import { PlanCard } from "./plan-card";
-import { setComposerText } from "./composer-text";
+import { CONVERSATION_ID, setComposerText } from "./composer-text";
 import { ToolCard } from "./tool-card";
 
 export function ConversationLog() {
@@ -18,6 +20,7 @@ export function ConversationLog() {
   const robot = useStore(robotName);
   const { items, dropped, turn, made } = useConversation();
   const opening = useStore((state) => state.opening && state.link.status === "online");
+  const notOpened = useStore((state) => state.notOpened);
   const { box, content, atEnd, toEnd } = useStickToEnd();
   const [seen, setSeen] = useState(made);
   const last = items.at(-1);
@@ -36,7 +39,7 @@ export function ConversationLog() {
     <div className="log-frame">
       <div
         className="log"
-        id="conversation"
+        id={CONVERSATION_ID}
         data-testid="conversation"
         role="log"
         aria-label={t("talk.title")}
@@ -49,7 +52,8 @@ export function ConversationLog() {
         ref={box}
       >
         <div className="log-content" ref={content}>
-          {items.length === 0 ? opening ? <Opening /> : <Empty /> : null}
+          {notOpened !== null ? <NotOpened /> : null}
+          {items.length === 0 && notOpened === null ? opening ? <Opening /> : <Empty /> : null}
           {dropped > 0 && <p className="muted earlier">{t("talk.earlier", { count: dropped })}</p>}
           {items.map((item) => (
             <Boundary
@@ -102,6 +106,28 @@ function Opening() {
       {[56, 82, 70, 38].map((width) => (
         <span key={width} className="bone" style={{ width: `${width}%` }} />
       ))}
+    </div>
+  );
+}
+
+function NotOpened() {
+  const { t } = useTranslation();
+  const reason = useStore((state) => state.notOpened) ?? "";
+  const sessionId = useStore((state) => state.currentId);
+  return (
+    <div className="note note-failed" role="alert" data-testid="not-opened">
+      <p>
+        <SentenceWithQuote sentence={t("talk.notOpened", { reason })} quote={reason} lang="en" />
+      </p>
+      <button
+        type="button"
+        className="button"
+        onClick={() => {
+          if (sessionId !== null) openSession(sessionId).catch(() => undefined);
+        }}
+      >
+        {t("pane.again")}
+      </button>
     </div>
   );
 }

@@ -173,6 +173,7 @@ const en = {
   talk: {
     title: "Conversation",
     loading: "Opening the session …",
+    notOpened: "This session could not be opened: {{reason}}",
     newMessages: "New messages",
     toEnd: "To the newest",
     emptyTitle: "What should {{robot}} do?",
@@ -331,6 +332,8 @@ const en = {
     viewer: "You watch as a viewer. An operator or a supervisor can ask {{robot}} for something.",
     disconnected: "Not connected. Your text stays here until the connection is back.",
     opening: "Opening the session …",
+    notOpened: "This session could not be opened. Try again, or choose another one.",
+    notSent: "That was not sent: the connection was lost. Send it again.",
     running: "{{robot}} is at work. You can send this when it has finished.",
   },
   scene: {
@@ -368,6 +371,7 @@ const en = {
     viewer: "You may only watch.",
     disconnected: "Not connected. You can ask as soon as the connection is back.",
     opening: "No session is open yet. You can ask as soon as one is.",
+    notOpened: "This session could not be opened. Choose another one.",
     running: "{{robot}} is at work in this session. You can ask when it has finished.",
   },
   camera: {

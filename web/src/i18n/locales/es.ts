@@ -183,6 +183,7 @@ const es = {
   talk: {
     title: "Conversación",
     loading: "Abriendo la sesión…",
+    notOpened: "No se ha podido abrir esta sesión: {{reason}}",
     newMessages: "Mensajes nuevos",
     toEnd: "Ir a lo más reciente",
     emptyTitle: "¿Qué debe hacer {{robot}}?",
@@ -345,6 +346,8 @@ const es = {
     viewer: "Usted observa. Un operador o un supervisor puede pedir algo a {{robot}}.",
     disconnected: "Sin conexión. Su texto se queda aquí hasta que vuelva la conexión.",
     opening: "Abriendo la sesión…",
+    notOpened: "No se ha podido abrir esta sesión. Vuelva a intentarlo o elija otra.",
+    notSent: "No se ha enviado: se perdió la conexión. Envíelo otra vez.",
     running: "{{robot}} está trabajando. Podrá enviar esto cuando termine.",
   },
   scene: {
@@ -388,6 +391,7 @@ const es = {
     viewer: "Usted solo puede mirar.",
     disconnected: "Sin conexión. Podrá pedirlo en cuanto vuelva la conexión.",
     opening: "Aún no hay ninguna sesión abierta. Podrá pedirlo en cuanto la haya.",
+    notOpened: "No se ha podido abrir esta sesión. Elija otra.",
     running: "{{robot}} está trabajando en esta sesión. Podrá pedirlo cuando termine.",
   },
   camera: {
