@@ -1,4 +1,4 @@
-"""A proxy between a browser and the bridge, which speaks HTTP/1.1, and can keep requests waiting or answer them itself."""
+"""A proxy between a browser and the bridge, over HTTP/1.1, that can keep requests waiting or answer them itself."""
 
 from __future__ import annotations
 

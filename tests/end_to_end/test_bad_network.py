@@ -1,4 +1,4 @@
-"""What stands between a page and the bridge answers wrongly, late or never: Stop says the truth, and the page goes on."""
+"""What is between a page and the bridge answers wrongly, late or never: Stop says the truth, and the page goes on."""
 
 from __future__ import annotations
 

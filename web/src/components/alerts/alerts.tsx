@@ -10,6 +10,7 @@ import { panes } from "../controls/panes";
 import { PaneBoundary } from "../common/pane-boundary";
 import { StopFailed } from "../common/stop-failed";
 import { StopBand } from "./stop-band";
+import { visibleLine } from "../../wire/visible-text";
 
 const BANDS: Record<AlertKind, () => React.ReactNode> = {
   "stop-failed": StopFailedBand,
@@ -53,7 +54,7 @@ function HaltBand() {
       <p>
         <strong>{t("alerts.halted", { robot, time: clock(halted.at) })}</strong>{" "}
         {/* The robot's own sentences are English. */}
-        <span lang="en">{halted.text}</span> {t("alerts.haltedNext")}
+        <span lang="en">{visibleLine(halted.text)}</span> {t("alerts.haltedNext")}
       </p>
       <Hide onClick={() => hide({ halted: halted.at })} />
     </section>

@@ -4,6 +4,7 @@ import { useTranslation } from "react-i18next";
 import { stopRobot } from "../../acp/connection/stop";
 import { setState, useStore, type StopFailure } from "../../state/store";
 import { SentenceWithQuote } from "./sentence-with-quote";
+import { visibleLine } from "../../wire/visible-text";
 
 /** `onDismiss` is called when somebody has hidden it, before it goes. */
 export function StopFailed({ onDismiss }: { onDismiss?: () => void }) {
@@ -40,7 +41,7 @@ function Words({ failure }: { failure: StopFailure }) {
   const { t } = useTranslation();
   switch (failure.kind) {
     case "told":
-      return <span lang="en">{failure.sentence}</span>;
+      return <span lang="en">{visibleLine(failure.sentence)}</span>;
     case "refused":
       return (
         <SentenceWithQuote

@@ -139,6 +139,6 @@ it("a refusal of the server is English, and the page's own sentence is not", () 
 
 it("marks the last mention, which is where a sentence has its values", () => {
   render(<SentenceWithQuote sentence="Decir: a" quote="a" />);
-  expect(screen.getByText("a").outerHTML).toBe('<span lang="">a</span>');
+  expect(screen.getByText("a").outerHTML).toBe('<bdi lang="">a</bdi>');
   expect(document.body.textContent).toBe("Decir: a");
 });

@@ -11,6 +11,7 @@ import { chunk } from "../common/chunk";
 import { Sound } from "../common/sound-player";
 import { SentenceWithQuote } from "../common/sentence-with-quote";
 import { Picture } from "./picture";
+import { visibleLine, visibleText } from "../../wire/visible-text";
 
 const markdown = chunk(() => import("../common/markdown"));
 
@@ -19,7 +20,7 @@ function Formatted({ text }: { text: string }) {
   const online = useStore((state) => state.link.status === "online");
   const plain = (
     <p className="plain-text" lang="">
-      {text}
+      {visibleText(text)}
     </p>
   );
   return (
@@ -36,7 +37,7 @@ export function UserMessage({ item }: { item: UserItem }) {
   const byOther = item.author !== null && item.author !== me.name;
   return (
     <article className="user-message" data-testid="user-message" data-other={byOther}>
-      {byOther && <p className="author">{item.author}</p>}
+      {byOther && <p className="author">{visibleLine(item.author ?? "")}</p>}
       {item.blocks.map((block, index) => (
         <Block key={index} block={block} title={item.author ?? ""} />
       ))}
@@ -62,7 +63,7 @@ function Block({ block, title }: { block: ContentBlock; title: string }) {
     case "text":
       return (
         <p className="plain-text" lang="">
-          {block.text}
+          {visibleText(block.text)}
         </p>
       );
     case "image":
@@ -87,7 +88,7 @@ export function Thought({ item }: { item: AgentItem }) {
         <span className="thought-label">{t("talk.thought")}</span>
         {!open && (
           <span className="thought-line" lang="">
-            {item.text}
+            {visibleLine(item.text)}
           </span>
         )}
       </Collapsible.Trigger>

@@ -7,6 +7,7 @@ import { robotName, useStore } from "../../state/store";
 import { PaneBoundary } from "../common/pane-boundary";
 import { SentenceWithQuote } from "../common/sentence-with-quote";
 import { SceneView } from "./scene-view";
+import { visibleLine } from "../../wire/visible-text";
 
 /** `lazy`: the map costs power and data, so a phone loads it when its pane is first opened, and keeps it then. */
 export function ScenePane({ hidden, lazy }: { hidden: boolean; lazy: boolean }) {
@@ -43,7 +44,7 @@ function StatusList() {
           <span className="muted">{t("scene.noGoal")}</span>
         ) : (
           <>
-            {motion.place ??
+            {(motion.place && visibleLine(motion.place)) ??
               (motion.goal && t("scene.point", { x: fixed(motion.goal.x, 1), y: fixed(motion.goal.y, 1) }))}
             {motion.distance !== null && motion.seconds !== null && (
               <span className="muted">

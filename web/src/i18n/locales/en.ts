@@ -198,7 +198,7 @@ const en = {
     photo: "Take a photo",
     battery: "How full is your battery?",
   },
-  plan: { pending: "to do", in_progress: "under way", completed: "done" },
+  plan: { pending: "to do", in_progress: "under way", completed: "done", failed: "not done" },
   tool: {
     pending: "waiting",
     asking: "waiting for an answer",
@@ -417,6 +417,7 @@ const en = {
     stay: "I am still here",
     answer: "Answer of {{robot}}",
     done: "Done.",
+    notDone: "That did not work.",
     notBegun: "I could not begin. Try again in a moment.",
     failed: "That was not possible: {{reason}}",
     cancelled: "All right, I leave it.",

@@ -208,7 +208,7 @@ const es = {
     photo: "Tome una foto",
     battery: "¿Cuánta batería le queda?",
   },
-  plan: { pending: "por hacer", in_progress: "en curso", completed: "hecho" },
+  plan: { pending: "por hacer", in_progress: "en curso", completed: "hecho", failed: "sin hacer" },
   tool: {
     pending: "en espera",
     asking: "espera una respuesta",
@@ -437,6 +437,7 @@ const es = {
     stay: "Sigo aquí",
     answer: "Respuesta de {{robot}}",
     done: "Hecho.",
+    notDone: "Eso no ha funcionado.",
     notBegun: "No he podido empezar. Inténtelo otra vez en un momento.",
     failed: "No ha sido posible: {{reason}}",
     cancelled: "De acuerdo, lo dejo.",

@@ -39,6 +39,8 @@ export interface PlanItem {
   kind: "plan";
   key: string;
   entries: PlanEntry[];
+  /** True once its turn has ended: a step that is not completed by then has failed or was not reached. */
+  over?: boolean;
 }
 
 export interface ToolItem {

@@ -221,10 +221,16 @@ function sessionInfo(state: Conversation, update: Update<"session_info_update">)
 
 /** Ends the turn. A normal end gets no note, and neither does a take-over, which has its own. */
 function endTurn(state: Conversation, stopReason: string): Conversation {
-  const over: Conversation = { ...state, turn: null };
+  const over: Conversation = { ...withPlanOver(state), turn: null };
   const last = state.items.at(-1);
   if (stopReason === "end_turn" || (last?.kind === "note" && last.takenBy !== undefined)) return over;
   return add<NoteItem>(over, { kind: "note", stopReason, error: null });
+}
+
+function withPlanOver(state: Conversation): Conversation {
+  const index = state.items.findLastIndex(({ kind }) => kind === "plan" || kind === "user");
+  const plan = state.items[index];
+  return plan?.kind === "plan" ? replaceAt(state, index, { ...plan, over: true }) : state;
 }
 
 /** The person here sent a prompt, at `at` in Unix seconds. The agent does not send it back to this connection. */
