@@ -2,6 +2,8 @@
 import { MapPinOff } from "lucide-react";
 import { useEffect, useRef, useState, type RefObject } from "react";
 import { useTranslation } from "react-i18next";
+import { Poll } from "../../acp/connection/poll";
+import { servesScene } from "../../acp/connection/scene-probe";
 import { robotName, useStore } from "../../state/store";
 
 const ASK_AGAIN_MS = 5000;
@@ -42,31 +44,28 @@ function useSceneAvailable(address: string, frame: RefObject<HTMLIFrameElement |
     const opens = link.status === "off" || (link.status === "connecting" && link.first);
     return reachable && !opens;
   });
+  const isWanted = available !== true && isDue;
+  const probe = useRef<Poll | null>(null);
   useEffect(() => {
-    if (available === true || !isDue) return;
-    let ended = false;
-    const ask = async (): Promise<void> => {
-      const answer = await answers(address);
-      if (!ended) setAvailable(answer);
-    };
-    void ask();
-    const timer = setInterval(() => void ask(), ASK_AGAIN_MS);
+    const made = new Poll(async (signal) => {
+      const answer = await servesScene(address, signal);
+      if (signal.aborted) return;
+      if (answer) made.end();
+      // The same frame, so that the keyboard's focus stays in it.
+      if (answer && frame.current !== null) frame.current.src = address;
+      setAvailable(answer);
+    }, ASK_AGAIN_MS);
+    probe.current = made;
+    const endWatch = onReconnected(() => made.now());
     return () => {
-      ended = true;
-      clearInterval(timer);
+      endWatch();
+      made.end();
     };
-  }, [address, available, isDue]);
-  useEffect(
-    () =>
-      onReconnected(() => {
-        void answers(address).then((answer) => {
-          // The same frame, so that the keyboard's focus stays in it.
-          if (answer && frame.current !== null) frame.current.src = address;
-          setAvailable(answer);
-        });
-      }),
-    [address, frame],
-  );
+  }, [address, frame]);
+  useEffect(() => {
+    if (isWanted) probe.current?.start();
+    else probe.current?.end();
+  }, [address, isWanted]);
   return available;
 }
 
@@ -87,13 +86,6 @@ function useTellFrame(frame: RefObject<HTMLIFrameElement | null>, shown: boolean
     const timer = setInterval(tell, TELL_AGAIN_MS);
     return () => clearInterval(timer);
   }, [frame, shown]);
-}
-
-async function answers(address: string): Promise<boolean> {
-  const answer = await fetch(address, { credentials: "same-origin" }).catch(() => null);
-  const type = answer?.headers.get("Content-Type") ?? "";
-  await answer?.body?.cancel().catch(() => undefined);
-  return answer?.ok === true && type.startsWith("text/html");
 }
 
 /**
