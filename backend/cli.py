@@ -33,13 +33,13 @@ LISTEN_PORT = 9200
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit status: 2 for settings or arguments that cannot be used."""
     options = _parser().parse_args(arguments)
-    from backend import config, tokens  # after the parser, so that `--help` does not wait for them
+    from backend import config, private_files, tokens  # after the parser, so that `--help` does not wait for them
 
     try:
         settings = config.load(options.config, **_flags(options))
         _log_to_stderr(settings.log_level)
         return int(options.run(settings, options))
-    except (config.ConfigError, tokens.RegistryError) as error:
+    except (config.ConfigError, tokens.RegistryError, private_files.UnsafeFile) as error:
         print(f"robot-acp: {error}", file=sys.stderr)
         return 2
     except OSError as error:

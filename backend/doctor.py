@@ -10,9 +10,11 @@ import os
 import socket
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import httpx
 
+from backend import identity, private_files
 from backend.config import Settings
 from backend.findings import Finding, bad, good
 
@@ -43,10 +45,26 @@ def _machine(settings: Settings) -> Iterator[Finding]:
     yield good("settings", f"they are valid; the robot is {settings.robot.name} ({kind})")
     folder = settings.data_dir
     nearest = next(place for place in (folder, *folder.parents) if place.exists())
-    if nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK):
-        yield good("data folder", f"{folder}{'' if folder.exists() else ' (will be made)'}")
-    else:
+    if not nearest.is_dir() or not os.access(nearest, os.W_OK | os.X_OK):
         yield bad("data folder", f"{folder} cannot be written", "Set data_dir to a folder of yours, or its rights.")
+    elif not folder.exists():
+        yield good("data folder", f"{folder} (will be made)")
+    else:
+        yield _folder_and_keys(folder)
+
+
+def _folder_and_keys(folder: Path) -> Finding:
+    try:
+        private_files.check_folder(folder)
+        for name in (identity.SIGNING_KEY, identity.ROBOT_TOKEN):
+            with contextlib.suppress(FileNotFoundError):
+                identity.read_secret(folder / name)
+    except private_files.UnsafeFile as unsafe:
+        problem, _, advice = str(unsafe).partition(". ")
+        return bad("data folder", problem, advice)
+    except OSError as error:
+        return bad("data folder", f"{error.filename} cannot be read ({error.strerror})", "Give it to this user.")
+    return good("data folder", str(folder))
 
 
 async def _processes(settings: Settings) -> list[Finding]:

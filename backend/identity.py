@@ -6,7 +6,6 @@ or verify a token, or decide what a role may do. Keys and tokens are never logge
 
 from __future__ import annotations
 
-import os
 import secrets
 import time
 import uuid
@@ -14,10 +13,15 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
+from backend import private_files
+from backend.private_files import UnsafeFile
+
 _ALGORITHM = "HS256"
 _AUDIENCE = "robot-acp"
 SIGNING_KEY = "signing.key"
 ROBOT_TOKEN = "robot.token"  # noqa: S105 - the name of a file
+MIN_SECRET_BYTES = 32
+"""As many as the hash of the signature has (RFC 7518, 3.2)."""
 
 
 class Role(StrEnum):
@@ -117,23 +121,30 @@ def verify(key: bytes, token: str) -> Identity:
 def shared_secret(data_dir: Path, name: str) -> bytes:
     """The secret `name` of the data folder. It is made on first use and readable by its owner alone.
 
-    Processes that start at the same moment agree on one secret: each links its complete draft into place, and only the
-    first link succeeds.
+    Processes that start at the same moment agree on one secret. Raises `UnsafeFile` for a secret that others could have
+    read, chosen or guessed.
     """
+    private_files.make_folder(data_dir)
+    private_files.check_folder(data_dir)
     path = data_dir / name
     try:
-        return path.read_bytes()
+        return read_secret(path)
     except FileNotFoundError:
-        pass
-    data_dir.mkdir(parents=True, exist_ok=True, mode=0o700)
-    draft = data_dir / f".{name}.{os.getpid()}.{secrets.token_hex(4)}"
-    descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    with os.fdopen(descriptor, "wb") as file:
-        file.write(secrets.token_urlsafe(48).encode())
-    try:
-        os.link(draft, path)
-    except FileExistsError:
-        pass
-    finally:
-        draft.unlink()
-    return path.read_bytes()
+        private_files.write_new(path, new_secret())
+    return read_secret(path)
+
+
+def new_secret() -> bytes:
+    """A new random secret of 64 printable ASCII characters."""
+    return secrets.token_urlsafe(48).encode()
+
+
+def read_secret(path: Path) -> bytes:
+    """A secret that exists. Raises `FileNotFoundError`, and `UnsafeFile` as `shared_secret` does."""
+    secret = private_files.read(path)
+    if len(secret) < MIN_SECRET_BYTES:
+        raise UnsafeFile(
+            f"The key {path} has only {len(secret)} bytes, and {MIN_SECRET_BYTES} are needed. Delete it and start "
+            "robot-acp again: a new one is made. If it is the signing key, everybody needs a new login token then."
+        )
+    return secret

@@ -22,8 +22,9 @@ from typing import Literal
 
 import msgspec
 
-from backend import identity
+from backend import identity, private_files
 from backend.identity import Identity, InvalidToken, Role
+from backend.private_files import UnsafeFile
 
 REGISTRY = "tokens.json"
 CHECK_INTERVAL_S = 0.5
@@ -96,10 +97,11 @@ def records(data_dir: Path) -> list[Record]:
     """All tokens of the list, the oldest first. Raises `RegistryError`."""
     path = data_dir / REGISTRY
     try:
-        return _parse(path.read_bytes())
+        with private_files.opened(path) as file:
+            return _parse(file.read())
     except FileNotFoundError:
         return []
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, UnsafeFile) as error:
         raise RegistryError(_cannot_read(path, error)) from None
 
 
@@ -193,13 +195,13 @@ class Registry:
     def _reload(self) -> None:
         """Read the list if the file has changed. A failure is logged once, and the records read before remain."""
         try:
-            with self._path.open("rb") as file:
+            with private_files.opened(self._path) as file:
                 status = os.fstat(file.fileno())
                 version = (status.st_ino, status.st_mtime_ns, status.st_size)
                 if version == self._version and self._error is None:
                     return
                 known = _parse(file.read())
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, UnsafeFile) as error:
             error_text = _cannot_read(self._path, error)
             if error_text != self._error:
                 log.warning("%s", error_text)
@@ -214,27 +216,19 @@ class Registry:
 @contextmanager
 def _locked(data_dir: Path) -> Iterator[None]:
     """Allow one writer at a time. The lock is on the folder; the system releases it when its process dies."""
+    private_files.check_folder(data_dir)
     folder = os.open(data_dir, os.O_RDONLY)
     try:
         fcntl.flock(folder, fcntl.LOCK_EX)
         yield
-        os.fsync(folder)  # a revocation must survive a power failure
     finally:
         os.close(folder)
 
 
 def _write(data_dir: Path, known: Sequence[Record]) -> None:
-    draft = data_dir / f".{REGISTRY}.{os.getpid()}"  # no other process writes one, as this one has the lock
     try:
-        draft.unlink(missing_ok=True)  # a process with the same id may have died and left it
-        descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(msgspec.json.format(msgspec.json.encode(known), indent=1) + b"\n")
-            file.flush()
-            os.fsync(file.fileno())
-        draft.replace(data_dir / REGISTRY)
+        private_files.write(data_dir / REGISTRY, msgspec.json.format(msgspec.json.encode(known), indent=1) + b"\n")
     except OSError as error:
-        draft.unlink(missing_ok=True)
         raise RegistryError(f"The list of login tokens in {data_dir} cannot be written: {error.strerror}.") from None
 
 
