@@ -267,10 +267,13 @@ def _listen(settings: config.Settings, options: argparse.Namespace) -> int:
 
 
 def _remote(settings: config.Settings, options: argparse.Namespace) -> Address:
+    from backend import local_user
     from backend.gateway.remote import Address
 
     token = options.token or os.environ.get("ROBOT_ACP_TOKEN")
-    return Address.parse(options.address, token) if options.address else Address.of_local_bridge(settings, token)
+    if not options.address:
+        return Address.of_local_bridge(settings, token)
+    return Address.parse(options.address, token or local_user.token_for(options.address, settings))
 
 
 def _token_create(settings: config.Settings, options: argparse.Namespace) -> int:

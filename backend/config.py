@@ -18,6 +18,8 @@ from pydantic_settings import (
     TomlConfigSettingsSource,
 )
 
+from backend import addresses
+
 DEFAULT_FILE = Path("robot.toml")
 Decision = Literal["allow", "ask", "deny"]
 
@@ -143,7 +145,9 @@ class Agent(_Section):
     database: str | None = Field(
         None, description="sqlite:///PATH or postgresql://…; default: SQLite in the data folder"
     )
-    trust_loopback: bool = True
+    trust_loopback: bool | Literal["any_user"] = Field(
+        True, description="whether a TCP client of this machine and of the agent's own user needs no token"
+    )
     default_mode: str = "supervised"
     permission_timeout: float = Field(60.0, gt=0, description="seconds; no answer in time is a refusal")
     thought_timeout: float = Field(
@@ -206,17 +210,28 @@ class Settings(BaseSettings):
     @property
     def robot_base_url(self) -> str:
         """Base URL of the robot server: `/mcp`, `/telemetry`, `/stop` and `/health` lie below it."""
-        return self.bridge.robot_url or f"http://{self.robot.host}:{self.robot.port}"
+        return self.bridge.robot_url or addresses.url("http", addresses.reached_at(self.robot.host), self.robot.port)
 
     @property
     def robot_mcp_url(self) -> str:
         """The MCP URL of the robot's tools."""
-        return self.agent.robot_url or f"http://{self.robot.host}:{self.robot.port}/mcp"
+        where = addresses.reached_at(self.robot.host)
+        return self.agent.robot_url or addresses.url("http", where, self.robot.port, "/mcp")
 
     @property
     def agent_address(self) -> str:
         """The address at which the bridge reaches the agent: `tcp://HOST:PORT` or `stdio:COMMAND`."""
-        return self.bridge.agent or f"tcp://{self.agent.host}:{self.agent.port}"
+        return self.bridge.agent or self.agent_url
+
+    @property
+    def agent_url(self) -> str:
+        """The address of this machine's own agent, `tcp://HOST:PORT`."""
+        return addresses.url("tcp", addresses.reached_at(self.agent.host), self.agent.port)
+
+    @property
+    def bridge_url(self) -> str:
+        """The address of this machine's own bridge, `http://HOST:PORT`."""
+        return addresses.url("http", addresses.reached_at(self.bridge.host), self.bridge.port)
 
     @property
     def database_url(self) -> str:

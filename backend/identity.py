@@ -75,6 +75,10 @@ class Identity:
         return right in _RIGHTS[self.role]
 
 
+LOCAL = Identity("local", Role.SUPERVISOR)
+"""Whoever is let in without a token: the user who runs the agent, at the same machine."""
+
+
 def issue(key: bytes, name: str, role: Role, lifetime_s: float, token_id: str | None = None) -> str:
     """A signed token for `name` in `role`, valid for `lifetime_s` seconds.
 

@@ -225,6 +225,11 @@ def end(process: Process, number: int = signal.SIGTERM) -> int:
         raise AssertionError("the process did not end") from None
 
 
+async def trusted() -> bool:
+    """For a `ClientConnection` whose client needs no token."""
+    return True
+
+
 @dataclass
 class Client:
     """An ACP client that keeps everything it hears, and answers permission questions with `answer`."""

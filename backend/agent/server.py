@@ -6,10 +6,9 @@ import asyncio
 import contextlib
 import logging
 import socket
-from collections.abc import AsyncIterator
-from ipaddress import ip_address
+from collections.abc import AsyncIterator, Awaitable, Callable
 
-from backend import identity, wire
+from backend import identity, local_user, wire
 from backend.agent.acp.connection import ClientConnection
 from backend.agent.acp.operations import Operations
 from backend.agent.acp.people import People
@@ -44,7 +43,9 @@ _ROBOT_ABSENT = "The robot server does not answer. Start it with `robot-acp robo
 
 async def serve(settings: Settings, *, stdio: bool = False) -> None:
     """Serve until cancelled, or, on stdio, until the client closes stdin. Raises `ConfigError`, `OSError`."""
-    async with _wiring(settings) as wiring:
+    needs_token = not stdio and settings.agent.trust_loopback is True
+    local_token = local_user.write_token(settings.data_dir, settings.agent.port) if needs_token else None
+    async with _wiring(settings, local_token) as wiring:
         if stdio:
             await _serve_stdio(wiring)
         else:
@@ -65,7 +66,7 @@ async def _serve_tcp(wiring: Wiring) -> None:
             plug.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             notice_loss(plug, _SILENCE_S, _PROBE_S)
             with contextlib.suppress(asyncio.CancelledError):  # the agent ends; asyncio would log it as an error
-                await _serve_client(wiring, reader, writer, local=_is_loopback(writer))
+                await _serve_client(wiring, reader, writer, _trust(wiring.settings, writer))
         finally:
             clients.discard(task)
 
@@ -85,13 +86,16 @@ async def _serve_tcp(wiring: Wiring) -> None:
 
 async def _serve_stdio(wiring: Wiring) -> None:
     async with stdin(_STREAM_LIMIT) as reader, stdout() as writer:
-        await _serve_client(wiring, reader, writer, local=True)
+        await _serve_client(wiring, reader, writer, _trust_the_parent(wiring.settings))
 
 
 async def _serve_client(
-    wiring: Wiring, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, *, local: bool
+    wiring: Wiring,
+    reader: asyncio.StreamReader,
+    writer: asyncio.StreamWriter,
+    trusted: Callable[[], Awaitable[bool]],
 ) -> None:
-    connection = ClientConnection(reader, writer, local, wiring.settings.agent.max_outbox_bytes)
+    connection = ClientConnection(reader, writer, trusted, wiring.settings.agent.max_outbox_bytes)
     operations = Operations(wiring, connection)
     serving = asyncio.create_task(connection.serve(operations.router()), name=f"client {connection.id}")
     watching = asyncio.create_task(_dismiss_when_login_ends(wiring.tokens, connection))
@@ -115,7 +119,7 @@ async def _dismiss_when_login_ends(tokens: Registry, connection: ClientConnectio
 
 
 @contextlib.asynccontextmanager
-async def _wiring(settings: Settings) -> AsyncIterator[Wiring]:
+async def _wiring(settings: Settings, local_token: str | None) -> AsyncIterator[Wiring]:
     """Start everything that the connections share; at the end, stop it in the reverse order. Raises `ConfigError`."""
     agent = settings.agent
     if agent.default_mode not in MODE_IDS:
@@ -162,6 +166,7 @@ async def _wiring(settings: Settings) -> AsyncIterator[Wiring]:
         models=tuple(dict.fromkeys([agent.model, *agent.models, model.OFFLINE_MODEL])),
         offers=offers,
         people=People(),
+        local_token=local_token,
     )
     background = [
         asyncio.create_task(tokens.run(), name="tokens"),
@@ -190,6 +195,24 @@ async def _warm_up(tools: McpClient, default_model: str) -> None:
     await providers.ready(default_model)
 
 
-def _is_loopback(writer: asyncio.StreamWriter) -> bool:
-    host = str(writer.get_extra_info("peername")[0]).partition("%")[0]
-    return ip_address(host).is_loopback
+def _trust(settings: Settings, writer: asyncio.StreamWriter) -> Callable[[], Awaitable[bool]]:
+    """Whether a TCP client is let in without a token, as `agent.trust_loopback` says."""
+
+    async def trusted() -> bool:
+        there, here = (writer.get_extra_info(end)[:2] for end in ("peername", "sockname"))
+        if settings.agent.trust_loopback is False or not local_user.is_loopback(there[0]):
+            return False
+        if settings.agent.trust_loopback == "any_user":
+            return True
+        return await asyncio.to_thread(local_user.is_same_user, here, there)
+
+    return trusted
+
+
+def _trust_the_parent(settings: Settings) -> Callable[[], Awaitable[bool]]:
+    """The same on stdio, where the client is the program that started this one."""
+
+    async def trusted() -> bool:
+        return settings.agent.trust_loopback is not False
+
+    return trusted

@@ -17,7 +17,8 @@ from backend.tokens import Registry
 @dataclass(frozen=True)
 class Wiring:
     """One agent. `models` are the names of the models that people may choose, the default first. `offers` decides which
-    MCP servers a client may bring. `link` carries the robot's state, its stop and its release.
+    MCP servers a client may bring. `link` carries the robot's state, its stop and its release. `local_token` is what
+    the commands of the agent's own user bring where the system does not list users (`local_user`), else None.
     """
 
     settings: Settings
@@ -29,3 +30,4 @@ class Wiring:
     models: tuple[str, ...]
     offers: AllowList
     people: People
+    local_token: str | None = None

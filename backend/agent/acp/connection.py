@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import uuid
+from collections.abc import Awaitable, Callable
 from typing import Any
 
 import orjson
@@ -32,19 +33,25 @@ class ClientConnection:
     """An ACP connection over an NDJSON stream, and a session's listener.
 
     `identity` is set by `initialize` or `authenticate`; it is None before, after `logout`, and once the login ended.
-    `local` says that the client runs on this machine.
     """
 
     def __init__(
-        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, local: bool, max_outbox_bytes: int
+        self,
+        reader: asyncio.StreamReader,
+        writer: asyncio.StreamWriter,
+        trusted: Callable[[], Awaitable[bool]],
+        max_outbox_bytes: int,
     ) -> None:
+        """`trusted` says whether this client is let in without a token. It is asked once, at a client without one."""
         self.id = uuid.uuid4().hex[:8]
-        self.local = local
+        self.trusted = False
+        """Set before `initialize` is handled: whether the client is let in without a token."""
         self.identity: Identity | None = None
         self.initialized = False
         """Set when the first message was a request to initialize."""
         self.client_capabilities: dict[str, Any] = {}
         """As the client gave them in `initialize`."""
+        self._ask_trusted = trusted
         self._reader = reader
         self._outbox = Outbox(writer)
         self._max_outbox_bytes = max_outbox_bytes
@@ -120,9 +127,12 @@ class ClientConnection:
                 continue
             except OSError:
                 return None
-            if not self.initialized and (frame.kind, frame.method) != ("request", "initialize"):
-                return None
-            self.initialized = True
+            if not self.initialized:
+                if (frame.kind, frame.method) != ("request", "initialize"):
+                    return None
+                # Here and not in the handler, which would let the messages behind this one begin while it waits.
+                self.trusted = not _has_token(frame) and await self._ask_trusted()
+                self.initialized = True
             return frame
         return None
 
@@ -196,3 +206,8 @@ class ClientConnection:
     async def wait_for_space(self) -> None:
         """Return when the outbox can take more of a long replay, or the connection is over."""
         await self._outbox.wait_for_space()
+
+
+def _has_token(initialize: wire.Frame) -> bool:
+    meta = (initialize.body.get("params") or {}).get("_meta")
+    return isinstance(meta, dict) and keys.TOKEN in meta

@@ -30,7 +30,7 @@ from backend.chat.link import RefusedError
 from backend.config import Settings
 from backend.identity import Role
 from backend.tokens import Registry, create
-from tests.processes import PATIENCE_S, Client, eventually, free_port
+from tests.processes import PATIENCE_S, Client, eventually, free_port, trusted
 
 
 class Reader(ClientConnection):
@@ -121,7 +121,7 @@ async def a_place(data: Path) -> AsyncIterator[Place]:
     )
 
     async def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        connection = Reader(reader, writer, local=True, max_outbox_bytes=2**20)
+        connection = Reader(reader, writer, trusted=trusted, max_outbox_bytes=2**20)
         connection.may_go_on = may_go_on
         server = Operations(wiring, connection)
         try:
