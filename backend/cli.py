@@ -130,6 +130,9 @@ def _token_commands(parser: argparse.ArgumentParser) -> None:
         metavar="WHEN",
         help="after 30m, 12h or 7d, or at the end of a day: 2027-01-31 (default: 7d)",
     )
+    create.add_argument(
+        "--same-person", action="store_true", help="a further token of the person who has this name already"
+    )
     create.set_defaults(run=_token_create)
 
     listing = commands.add_parser("list", help="who has a token, and whether it is valid; never the token itself")
@@ -279,7 +282,8 @@ def _remote(settings: config.Settings, options: argparse.Namespace) -> Address:
 def _token_create(settings: config.Settings, options: argparse.Namespace) -> int:
     from backend import tokens
 
-    print(tokens.create(settings.data_dir, options.name, Role(options.role), options.expires))
+    role, same_person = Role(options.role), options.same_person
+    print(tokens.create(settings.data_dir, options.name, role, options.expires, same_person=same_person))
     return 0
 
 

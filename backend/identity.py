@@ -58,12 +58,21 @@ class InvalidToken(Exception):
 
 @dataclass(frozen=True)
 class Identity:
-    """A person or device. `token_id` and `expires` (Unix seconds) are those of its token, None where there is none."""
+    """A person or device. `token_id` and `expires` (Unix seconds) are those of its token, None where there is none.
+
+    `name` is for people to read. `subject` is who it is, and None for people that are known only by their name.
+    """
 
     name: str
     role: Role
     token_id: str | None = None
     expires: float | None = None
+    subject: str | None = None
+
+    @property
+    def person(self) -> str:
+        """Who it is, for comparisons: it is the same for all tokens of one person, and no two persons share it."""
+        return self.subject or person_named(self.name)
 
     @property
     def expired(self) -> bool:
@@ -79,7 +88,15 @@ LOCAL = Identity("local", Role.SUPERVISOR)
 """Whoever is let in without a token: the user who runs the agent, at the same machine."""
 
 
-def issue(key: bytes, name: str, role: Role, lifetime_s: float, token_id: str | None = None) -> str:
+def person_named(name: str) -> str:
+    """The `person` of somebody who is known only by a name: who runs the agent (`LOCAL`), and the owners of sessions
+    from before people had subjects."""
+    return f"name:{name}"
+
+
+def issue(
+    key: bytes, name: str, role: Role, lifetime_s: float, token_id: str | None = None, subject: str | None = None
+) -> str:
     """A signed token for `name` in `role`, valid for `lifetime_s` seconds.
 
     It is refused unless it is in the list of tokens: `tokens.create` issues one and records it.
@@ -89,7 +106,8 @@ def issue(key: bytes, name: str, role: Role, lifetime_s: float, token_id: str | 
     now = time.time()
     claims = {
         "aud": _AUDIENCE,
-        "sub": name,
+        "sub": subject or uuid.uuid4().hex,
+        "name": name,
         "role": role.value,
         "jti": token_id or uuid.uuid4().hex,
         "iat": int(now),
@@ -111,10 +129,11 @@ def verify(key: bytes, token: str) -> Identity:
             options={"require": ["sub", "role", "jti", "exp"]},
         )
         return Identity(
-            name=str(claims["sub"]),
+            name=str(claims.get("name", claims["sub"])),  # in tokens from before people had subjects it was the name
             role=Role(claims["role"]),
             token_id=str(claims["jti"]),
             expires=float(claims["exp"]),
+            subject=str(claims["sub"]) if "name" in claims else None,
         )
     except jwt.ExpiredSignatureError:
         raise InvalidToken("This login token has expired. Ask for a new one.") from None

@@ -14,6 +14,7 @@ import os
 import re
 import secrets
 import time
+import unicodedata
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import date, datetime
@@ -43,7 +44,10 @@ class RegistryError(Exception):
 
 
 class Record(msgspec.Struct, frozen=True):
-    """One token of the list. Times are Unix seconds; `revoked` is when it was revoked, None where it was not."""
+    """One token of the list. Times are Unix seconds; `revoked` is when it was revoked, None where it was not.
+
+    `subject` is the person: all tokens of one person have the same, and no other person has it, whatever the names are.
+    """
 
     id: str
     name: str
@@ -51,6 +55,7 @@ class Record(msgspec.Struct, frozen=True):
     created: float
     expires: float
     revoked: float | None = None
+    subject: str = ""
 
     @property
     def state(self) -> Literal["valid", "expired", "revoked"]:
@@ -82,15 +87,49 @@ def lifetime(text: str) -> float:
     return seconds
 
 
-def create(data_dir: Path, name: str, role: Role, lifetime_s: float) -> str:
-    """Record and return a new login token. Raises `RegistryError`."""
+def create(data_dir: Path, name: str, role: Role, lifetime_s: float, *, same_person: bool = False) -> str:
+    """Record and return a new login token. Raises `RegistryError`, also for a name that somebody else has.
+
+    `same_person` makes it a further token of the person who has this name already, where there is one.
+    """
     key = identity.shared_secret(data_dir, identity.SIGNING_KEY)
     now = time.time()
-    record = Record(secrets.token_hex(6), name, role, now, now + lifetime_s)
     with _locked(data_dir):
-        kept = [old for old in records(data_dir) if now - old.expires < _KEPT_S]
+        known = records(data_dir)
+        subject = _subject(known, name, role, same_person=same_person)
+        record = Record(secrets.token_hex(6), name, role, now, now + lifetime_s, subject=subject)
+        kept = [old for old in known if now - old.expires < _KEPT_S]
         _write(data_dir, [*kept, record])
-    return identity.issue(key, name, role, lifetime_s, record.id)
+    return identity.issue(key, name, role, lifetime_s, record.id, subject)
+
+
+def _subject(known: Sequence[Record], name: str, role: Role, *, same_person: bool) -> str:
+    """The person for whom a new token is. Raises `RegistryError`."""
+    if _alike(name, identity.LOCAL.name):
+        raise RegistryError(f"{name!r} is what people without a token are called. Choose another name.")
+    namesakes = [one for one in known if _alike(one.name, name)]
+    if not namesakes:
+        return secrets.token_hex(8)
+    newest = namesakes[-1]
+    if not same_person:
+        raise RegistryError(
+            f"There is {newest.name!r} already: {newest.role.value}, token {newest.id}, {newest.state}. For a further "
+            "token of the same person add --same-person. For another person choose another name."
+        )
+    person = ([one for one in namesakes if one.role == role] or namesakes)[-1].subject
+    for one in known:
+        if one.subject == person and one.state == "valid" and one.role != role:
+            raise RegistryError(
+                f"{one.name!r} is {one.role.value}, and a person has one role. Revoke the token {one.id} first, or "
+                "choose another name."
+            )
+    return person
+
+
+def _alike(one: str, other: str) -> bool:
+    """Whether people would take two names for one."""
+    first, second = (" ".join(unicodedata.normalize("NFKC", name).casefold().split()) for name in (one, other))
+    return first == second
 
 
 def records(data_dir: Path) -> list[Record]:
@@ -157,7 +196,7 @@ class Registry:
             )
         if record is None:
             raise InvalidToken("This login token is not known to this robot. Ask for a new one.")
-        return who
+        return _identity(who, record)
 
     def ended(self, who: Identity | None) -> str | None:
         """Why an accepted login has ended, as a sentence for that person; None while it is valid."""
@@ -232,12 +271,31 @@ def _write(data_dir: Path, known: Sequence[Record]) -> None:
         raise RegistryError(f"The list of login tokens in {data_dir} cannot be written: {error.strerror}.") from None
 
 
+def _identity(claimed: Identity, record: Record) -> Identity:
+    """Who a token is for. The list decides, not the token."""
+    expires = min(record.expires, claimed.expires or record.expires)
+    return Identity(record.name, record.role, record.id, expires, record.subject)
+
+
 def _parse(content: bytes) -> list[Record]:
     """Raises `ValueError`."""
     try:
-        return msgspec.json.decode(content, type=list[Record])
+        known = msgspec.json.decode(content, type=list[Record])
     except msgspec.DecodeError as error:
         raise ValueError(str(error)) from None
+    return [one if one.subject else msgspec.structs.replace(one, subject=_old_subject(one, known)) for one in known]
+
+
+def _old_subject(one: Record, known: Sequence[Record]) -> str:
+    """The person of a token from before people had subjects.
+
+    Sessions of that time belong to a name. They go to the most trusted one who had the name, never to a namesake.
+    """
+    roles = list(Role)
+    namesakes = [other.role for other in known if other.name == one.name and not other.subject]
+    if one.name != identity.LOCAL.name and one.role == max(namesakes, key=roles.index):
+        return identity.person_named(one.name)
+    return f"role:{one.role.value}:{one.name}"
 
 
 def _cannot_read(path: Path, error: Exception) -> str:

@@ -53,7 +53,7 @@ async def run(settings: Settings, config_file: Path | None) -> int:
         names = ("ros2-demo", *PROCESSES)
         environment |= _demo_domain(settings, environment)
     identity.shared_secret(settings.data_dir, identity.ROBOT_TOKEN)
-    token = tokens.create(settings.data_dir, "supervisor", Role.SUPERVISOR, LOGIN_DAYS * 86400)
+    token = tokens.create(settings.data_dir, "supervisor", Role.SUPERVISOR, LOGIN_DAYS * 86400, same_person=True)
     async with asyncio.TaskGroup() as group:
         keepers = [group.create_task(_keep(name, environment)) for name in names]
         greeter = group.create_task(_greet(settings, token))

@@ -128,7 +128,7 @@ class Robot:
         return Robot(self.data, kept, robot_port=self.robot_port, agent_port=port)
 
     def token(self, name: str, role: Role, seconds: float = 3600.0) -> str:
-        return tokens.create(self.data, name, role, seconds)
+        return tokens.create(self.data, name, role, seconds, same_person=True)
 
     @property
     def robot_headers(self) -> dict[str, str]:

@@ -123,7 +123,7 @@ class RunningBridge:
         return f"http://127.0.0.1:{self.port}"
 
     def token(self, role: Role = Role.OPERATOR, name: str = "Ana", lifetime_s: float = 60) -> str:
-        return tokens.create(self.settings.data_dir, name, role, lifetime_s)
+        return tokens.create(self.settings.data_dir, name, role, lifetime_s, same_person=True)
 
     def http(self, token: str | None = None) -> httpx.AsyncClient:
         """A client that shows `token` as a bearer, or nothing."""

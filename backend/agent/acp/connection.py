@@ -65,6 +65,11 @@ class ClientConnection:
         return self.identity.name if self.identity else "somebody"
 
     @property
+    def person(self) -> str:
+        """Who is at this connection, for comparisons."""
+        return self.identity.person if self.identity else f"connection:{self.id}"
+
+    @property
     def may_approve(self) -> bool:
         """Whether permission questions go to this connection."""
         who = self.identity

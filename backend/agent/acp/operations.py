@@ -115,7 +115,9 @@ class Operations:
         who = self._rights.authorized(Right.PROMPT)
         offers = self._read_offers(request.mcp_servers)
         agent = self._wiring.settings.agent
-        session = await self._wiring.sessions.create(who.name, request.cwd, agent.default_mode, agent.model)
+        session = await self._wiring.sessions.create(
+            who.name, request.cwd, agent.default_mode, agent.model, owner_id=who.person
+        )
         await session.client_servers.take(offers)
         await self._attachments.attach(session)
         return self._with_commands(session, {"sessionId": session.id} | settings.state(session, self._wiring.models))
@@ -139,7 +141,8 @@ class Operations:
         """Begin a session of one's own with the same past."""
         who = self._rights.authorized(Right.PROMPT)
         offers = self._read_offers(request.mcp_servers)
-        fork = await self._wiring.sessions.fork(await self._rights.session(request.session_id), who.name)
+        original = await self._rights.session(request.session_id)
+        fork = await self._wiring.sessions.fork(original, who.name, owner_id=who.person)
         await fork.client_servers.take(offers)  # those of the original stay there: their headers are somebody's secrets
         await self._attachments.attach(fork)
         return self._with_commands(fork, {"sessionId": fork.id} | settings.state(fork, self._wiring.models))

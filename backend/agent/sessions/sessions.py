@@ -65,21 +65,23 @@ class Sessions:
         """The sessions in memory."""
         return list(self._open.values())
 
-    async def create(self, owner: str, cwd: str, mode: str, model: str) -> Session:
-        """A new session, which keeps the robot's pose at this moment as its start."""
+    async def create(self, owner: str, cwd: str, mode: str, model: str, owner_id: str | None = None) -> Session:
+        """A new session, which keeps the robot's pose at this moment as its start. `owner` is the owner's name,
+        `owner_id` the person."""
         now = time.time()
         pose = await self.robot_pose()
-        row = SessionRow(uuid.uuid4().hex, owner, None, cwd.replace("\0", ""), mode, model, pose, now, now)
+        cwd = cwd.replace("\0", "")
+        row = SessionRow(uuid.uuid4().hex, owner, None, cwd, mode, model, pose, now, now, owner_id=owner_id)
         await self._store.add_session(row)
         session = self._in_memory(row, History(), 0)
         self._open[session.id] = session
         return session
 
-    async def fork(self, session: Session, owner: str) -> Session:
+    async def fork(self, session: Session, owner: str, owner_id: str | None = None) -> Session:
         """A session of `owner` with the same events, up to the end of the last turn that has ended."""
         await session.flushed()
         now = time.time()
-        row = replace(session.row, id=uuid.uuid4().hex, owner=owner, created=now, updated=now)
+        row = replace(session.row, id=uuid.uuid4().hex, owner=owner, owner_id=owner_id, created=now, updated=now)
         await self._store.add_session(row)
         past: list[Event] = []
         ended = 0
@@ -131,7 +133,7 @@ class Sessions:
         `before` is the (updated, id) of the last session of the page before. Each word of `search` is in the session's
         title or in its owner's name.
         """
-        owner = identity.name if identity.role == "visitor" else None
+        owner = identity.person if identity.role == "visitor" else None
         return await self._store.sessions(owner, before, PAGE, search)
 
     async def delete(self, session: Session) -> None:
@@ -207,5 +209,5 @@ class Sessions:
     @staticmethod
     def shows(session: Session, identity: Identity) -> bool:
         """Whether this person may see the session."""
-        own = session.row.owner == identity.name
+        own = session.row.person == identity.person
         return not session.deleted and (own or identity.role != "visitor" or identity.may(Right.TAKE_OVER))

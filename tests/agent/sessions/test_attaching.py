@@ -101,7 +101,10 @@ class Place:
         return [session for session in self.sessions.open_sessions if session.watching]
 
     async def authenticate(self, name: str, role: Role) -> None:
-        login = {"methodId": "token", "_meta": {"robot-acp/token": create(self.data, name, role, 60.0)}}
+        login = {
+            "methodId": "token",
+            "_meta": {"robot-acp/token": create(self.data, name, role, 60.0, same_person=True)},
+        }
         await self.client.link.request("authenticate", login)
 
 
