@@ -6,9 +6,12 @@ or verify a token, or decide what a role may do. Keys and tokens are never logge
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
 import secrets
 import time
 import uuid
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -88,6 +91,27 @@ LOCAL = Identity("local", Role.SUPERVISOR)
 """Whoever is let in without a token: the user who runs the agent, at the same machine."""
 
 
+def key_id(key: bytes) -> str:
+    """The name of a key in the header of its tokens (`kid`, RFC 7515). It says nothing about the key."""
+    return hashlib.sha256(key).hexdigest()[:16]
+
+
+def _key_of(keys: Sequence[bytes], kid: object, token: str) -> bytes:
+    """The key that a token names. One from before keys had names gets the key that signed it."""
+    import jwt  # see issue
+
+    if kid is not None:
+        for key in keys:
+            if key_id(key) == kid:
+                return key
+        raise InvalidToken("This login token was signed with a key that is accepted no longer. Ask for a new one.")
+    for key in keys[1:]:
+        with contextlib.suppress(jwt.InvalidTokenError):
+            jwt.decode(token, key, algorithms=[_ALGORITHM], options={"verify_exp": False, "verify_aud": False})
+            return key
+    return keys[0]
+
+
 def person_named(name: str) -> str:
     """The `person` of somebody who is known only by a name: who runs the agent (`LOCAL`), and the owners of sessions
     from before people had subjects."""
@@ -113,14 +137,18 @@ def issue(
         "iat": int(now),
         "exp": int(now + lifetime_s),
     }
-    return jwt.encode(claims, key, algorithm=_ALGORITHM)
+    return jwt.encode(claims, key, algorithm=_ALGORITHM, headers={"kid": key_id(key)})
 
 
-def verify(key: bytes, token: str) -> Identity:
-    """The identity that a token proves. Raises `InvalidToken` when it is malformed, forged, foreign or expired."""
+def verify(keys: Sequence[bytes], token: str) -> Identity:
+    """The identity that a token proves; `keys` are those that are accepted now.
+
+    Raises `InvalidToken` when it is malformed, forged, foreign or expired, or when its key is accepted no longer.
+    """
     import jwt  # see issue
 
     try:
+        key = _key_of(keys, jwt.get_unverified_header(token).get("kid"), token)
         claims = jwt.decode(
             token,
             key,

@@ -23,9 +23,10 @@ from typing import Literal
 
 import msgspec
 
-from backend import identity, private_files
+from backend import identity, private_files, signing_keys
 from backend.identity import Identity, InvalidToken, Role
 from backend.private_files import UnsafeFile
+from backend.signing_keys import KeyRing
 
 REGISTRY = "tokens.json"
 CHECK_INTERVAL_S = 0.5
@@ -93,14 +94,20 @@ def create(data_dir: Path, name: str, role: Role, lifetime_s: float, *, same_per
     `same_person` makes it a further token of the person who has this name already, where there is one.
     """
     key = identity.shared_secret(data_dir, identity.SIGNING_KEY)
-    now = time.time()
     with _locked(data_dir):
         known = records(data_dir)
-        subject = _subject(known, name, role, same_person=same_person)
-        record = Record(secrets.token_hex(6), name, role, now, now + lifetime_s, subject=subject)
-        kept = [old for old in known if now - old.expires < _KEPT_S]
-        _write(data_dir, [*kept, record])
-    return identity.issue(key, name, role, lifetime_s, record.id, subject)
+        record = _record(name, role, lifetime_s, _subject(known, name, role, same_person=same_person))
+        _add(data_dir, known, record)
+    return identity.issue(key, name, role, lifetime_s, record.id, record.subject)
+
+
+def _record(name: str, role: Role, lifetime_s: float, subject: str) -> Record:
+    now = time.time()
+    return Record(secrets.token_hex(6), name, role, now, now + lifetime_s, subject=subject)
+
+
+def _add(data_dir: Path, known: Sequence[Record], record: Record) -> None:
+    _write(data_dir, [*(old for old in known if record.created - old.expires < _KEPT_S), record])
 
 
 def _subject(known: Sequence[Record], name: str, role: Role, *, same_person: bool) -> str:
@@ -163,6 +170,31 @@ def revoke(data_dir: Path, id_or_name: str) -> list[Record]:
     return list(revoked.values())
 
 
+def rotate_key(data_dir: Path, until: float) -> int:
+    """Make a new signing key, and return how many tokens were valid until now.
+
+    They are valid until `until`, in Unix seconds, at the longest. Where that is now they are revoked, and whoever is
+    logged in with one has to leave. Raises `RegistryError`, `UnsafeFile`.
+    """
+    identity.shared_secret(data_dir, identity.SIGNING_KEY)
+    now = time.time()
+    with _locked(data_dir):
+        known = records(data_dir)
+        try:
+            signing_keys.rotate(data_dir, until)
+        except OSError as error:
+            raise RegistryError(f"The keys in {data_dir} cannot be written: {error.strerror}.") from None
+        valid = [one for one in known if one.state == "valid"]
+        _write(data_dir, [_cut(one, until, now) if one.state == "valid" else one for one in known])
+    return len(valid)
+
+
+def _cut(record: Record, until: float, now: float) -> Record:
+    if until <= now:
+        return msgspec.structs.replace(record, revoked=now)
+    return msgspec.structs.replace(record, expires=min(record.expires, until))
+
+
 class Registry:
     """The list as a server process has read it. It reads a changed list at each new login, and twice a second in `run`.
 
@@ -171,7 +203,7 @@ class Registry:
 
     def __init__(self, data_dir: Path) -> None:
         self._path = data_dir / REGISTRY
-        self._key = identity.shared_secret(data_dir, identity.SIGNING_KEY)
+        self._keys = KeyRing(data_dir)
         self._records: dict[str, Record] = {}
         self._version: tuple[int, ...] | None = None  # of the file that was read last; None before
         self._error: str | None = None  # why the list cannot be read; None while it can
@@ -183,8 +215,8 @@ class Registry:
         `to_stop` is for requests that stop the robot, which must not fail because the list cannot be read: they are
         accepted with every genuine token that is not known to be revoked.
         """
-        who = identity.verify(self._key, token)
         self._reload()
+        who = identity.verify(self._keys.accepted(), token)
         record = self._records.get(who.token_id or "")
         if record is not None and record.revoked is not None:
             raise InvalidToken("This login token was revoked. Ask for a new one.")
@@ -196,6 +228,8 @@ class Registry:
             )
         if record is None:
             raise InvalidToken("This login token is not known to this robot. Ask for a new one.")
+        if record.state == "expired":
+            raise InvalidToken("This login token has expired. Ask for a new one.")
         return _identity(who, record)
 
     def ended(self, who: Identity | None) -> str | None:
@@ -229,10 +263,17 @@ class Registry:
         record = self._records.get(who.token_id)
         if record is None:
             return None if self._error else "Your login is no longer known. Ask for a new one."
+        if record.state == "expired":
+            return "Your login has expired. Log in again."
         return None if record.revoked is None else "Your login was revoked. Ask for a new one."
 
     def _reload(self) -> None:
-        """Read the list if the file has changed. A failure is logged once, and the records read before remain."""
+        """Read keys and list if they have changed. A failure is logged once, and what was read before remains."""
+        try:
+            self._keys.reload()
+        except (OSError, UnsafeFile) as error:
+            self._failed(f"The signing key cannot be read: nobody can log in. {error}")
+            return
         try:
             with private_files.opened(self._path) as file:
                 status = os.fstat(file.fileno())
@@ -241,15 +282,17 @@ class Registry:
                     return
                 known = _parse(file.read())
         except (OSError, ValueError, UnsafeFile) as error:
-            error_text = _cannot_read(self._path, error)
-            if error_text != self._error:
-                log.warning("%s", error_text)
-            self._error = error_text
+            self._failed(_cannot_read(self._path, error))
             return
         if self._error is not None:
             log.info("the list of login tokens can be read again")
         self._records = {record.id: record for record in known}
         self._version, self._error = version, None
+
+    def _failed(self, error: str) -> None:
+        if error != self._error:
+            log.warning("%s", error)
+        self._error = error
 
 
 @contextmanager

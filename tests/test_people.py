@@ -46,28 +46,32 @@ def test_a_name_that_somebody_has_is_refused_with_what_to_do(robot: Robot, capsy
     assert len(set(subjects(robot.data))) == 1
 
 
+def further(data: Path, name: str, role: Role) -> str:
+    return tokens.create(data, name, role, 3600, same_person=True)
+
+
 def test_a_further_token_is_of_the_same_person_and_role(robot: Robot) -> None:
-    first, second = robot.token("Ana", Role.VIEWER), robot.token("Ana", Role.VIEWER)
+    first, second = (further(robot.data, "Ana", Role.VIEWER) for _ in range(2))
     registry = Registry(robot.data)
     assert registry.verify(first).person == registry.verify(second).person
     with pytest.raises(RegistryError, match=r"'Ana' is viewer, and a person has one role. Revoke the token"):
-        robot.token("Ana", Role.SUPERVISOR)
+        further(robot.data, "Ana", Role.SUPERVISOR)
     tokens.revoke(robot.data, "Ana")
-    assert Registry(robot.data).verify(robot.token("Ana", Role.SUPERVISOR)).role is Role.SUPERVISOR
+    assert Registry(robot.data).verify(further(robot.data, "Ana", Role.SUPERVISOR)).role is Role.SUPERVISOR
     with pytest.raises(RegistryError, match="one role"):
-        robot.token("Ana", Role.VIEWER)
+        further(robot.data, "Ana", Role.VIEWER)
 
 
 def test_a_name_for_people_without_a_token_is_nobodys(robot: Robot) -> None:
     with pytest.raises(RegistryError, match="Choose another name"):
-        robot.token("Local", Role.VISITOR)
+        further(robot.data, "Local", Role.VISITOR)
 
 
 def test_whoever_comes_after_the_list_forgot_a_name_is_another_person(robot: Robot) -> None:
-    robot.token("Ana", Role.OPERATOR, -40 * 86400)
+    tokens.create(robot.data, "Ana", Role.OPERATOR, -40 * 86400)
     (before,) = subjects(robot.data)
-    robot.token("Ben", Role.VIEWER)  # any writing forgets
-    robot.token("Ana", Role.VISITOR)
+    tokens.create(robot.data, "Ben", Role.VIEWER, 60)  # any writing forgets
+    tokens.create(robot.data, "Ana", Role.VISITOR, 60)
     assert before not in subjects(robot.data)
 
 
@@ -192,8 +196,7 @@ async def test_a_visitor_with_an_operators_name_has_nothing_of_his(running: Robo
 
 @pytest.mark.processes
 async def test_all_tokens_of_one_person_have_the_same_sessions(running: Robot) -> None:
-    first = await login(running, running.token("Vera", Role.VISITOR))
-    second = await login(running, running.token("Vera", Role.VISITOR))
+    first, second = [await login(running, further(running.data, "Vera", Role.VISITOR)) for _ in range(2)]
     session = await first.new()
     await first.prompt("where are you?")
     assert await listed(second) == {session}

@@ -29,8 +29,8 @@ from backend.agent.wiring import Wiring
 from backend.chat.link import RefusedError
 from backend.config import Settings
 from backend.identity import Role
-from backend.tokens import Registry, create
-from tests.processes import PATIENCE_S, Client, eventually, free_port, trusted
+from backend.tokens import Registry
+from tests.processes import PATIENCE_S, Client, eventually, free_port, token_of, trusted
 
 
 class Reader(ClientConnection):
@@ -103,7 +103,7 @@ class Place:
     async def authenticate(self, name: str, role: Role) -> None:
         login = {
             "methodId": "token",
-            "_meta": {"robot-acp/token": create(self.data, name, role, 60.0, same_person=True)},
+            "_meta": {"robot-acp/token": token_of(self.data, name, role, 60.0)},
         }
         await self.client.link.request("authenticate", login)
 
