@@ -14,7 +14,7 @@ _ANY = {"": "127.0.0.1", "0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104 - co
 
 def authority(host: str, port: int) -> str:
     """Host and port as a URL has them, and as people read them: `127.0.0.1:80`, `[::1]:80`."""
-    return f"[{host.replace('%', '%25')}]:{port}" if ":" in host else f"{host}:{port}"
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
 def url(scheme: str, host: str, port: int, path: str = "") -> str:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import httpx
 
-from backend import identity, private_files
+from backend import addresses, identity, private_files
 from backend.config import Settings
 from backend.findings import Finding, bad, good
 
@@ -73,14 +73,15 @@ async def _processes(settings: Settings) -> list[Finding]:
     async with httpx.AsyncClient(trust_env=False, timeout=2.0) as client:
         for name, path in (("robot", "/health"), ("agent", None), ("bridge", "/api/health")):
             where = getattr(settings, name)
-            address = f"{where.host}:{where.port}"
-            if not _listens(where.host, where.port):
+            address = addresses.authority(where.host, where.port)
+            host = addresses.reached_at(where.host)
+            if not _listens(host, where.port):
                 found.append(good(name, f"{address} is free; it is not running"))
                 continue
             answers = path is None
             if path:
                 with contextlib.suppress(httpx.HTTPError):
-                    answers = "status" in (await client.get(f"http://{address}{path}")).text
+                    answers = "status" in (await client.get(addresses.url("http", host, where.port, path))).text
             advice = f"End the other program, or choose another port with ROBOT_ACP_{name.upper()}__PORT."
             found.append(
                 good(name, f"it answers on {address}")
@@ -91,6 +92,8 @@ async def _processes(settings: Settings) -> list[Finding]:
 
 
 def _listens(host: str, port: int) -> bool:
-    with contextlib.closing(socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET)) as probe:
-        probe.settimeout(1.0)
-        return probe.connect_ex((host, port)) == 0
+    try:
+        with socket.create_connection((host, port), timeout=1.0):
+            return True
+    except OSError:
+        return False

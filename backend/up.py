@@ -18,7 +18,7 @@ from pathlib import Path
 
 import httpx
 
-from backend import identity, tokens
+from backend import addresses, identity, tokens
 from backend.config import ConfigError, Settings
 from backend.identity import Role
 
@@ -67,16 +67,16 @@ def _check_ports(settings: Settings) -> None:
     """Raise `ConfigError` when another program uses one of the three addresses."""
     for name in PROCESSES:
         where = getattr(settings, name)
-        with socket.socket() as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            try:
+        try:
+            with socket.socket(addresses.family(where.host)) as probe:
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
                 probe.bind((where.host, where.port))
-            except OSError as error:
-                variable = f"ROBOT_ACP_{name.upper()}__PORT"
-                raise ConfigError(
-                    f"The {name} cannot use {where.host}:{where.port} ({error.strerror}). "
-                    f"Is another robot-acp running? End it, or choose another port with {variable}."
-                ) from None
+        except OSError as error:
+            variable = f"ROBOT_ACP_{name.upper()}__PORT"
+            raise ConfigError(
+                f"The {name} cannot use {addresses.authority(where.host, where.port)} ({error.strerror}). "
+                f"Is another robot-acp running? End it, or choose another port with {variable}."
+            ) from None
 
 
 def _demo_domain(settings: Settings, environment: dict[str, str]) -> dict[str, str]:
@@ -104,10 +104,7 @@ async def _keep(name: str, environment: dict[str, str]) -> None:
     while True:
         started = asyncio.get_running_loop().time()
         process = await asyncio.create_subprocess_exec(
-            sys.executable,
-            "-m",
-            "backend.cli",
-            name,
+            *(sys.executable, "-P", "-m", "backend.cli", name),  # -P: no program of the folder that `up` is started in
             env=environment,
             stdin=asyncio.subprocess.DEVNULL,
             start_new_session=True,  # Ctrl-C reaches `up` alone, which then ends the processes itself
@@ -137,7 +134,7 @@ async def _end(process: asyncio.subprocess.Process) -> None:
 
 async def _greet(settings: Settings, token: str) -> None:
     """Wait until all three answer, then print the dashboard's address; name those that are missing after a while."""
-    base = f"http://{settings.bridge.host}:{settings.bridge.port}"
+    base = settings.bridge_url
     loop = asyncio.get_running_loop()
     page_since: float | None = None
     async with httpx.AsyncClient(trust_env=False, timeout=1.0) as client:

@@ -8,7 +8,7 @@ import logging
 import socket
 from collections.abc import AsyncIterator, Awaitable, Callable
 
-from backend import identity, local_user, wire
+from backend import addresses, identity, local_user, wire
 from backend.agent.acp.connection import ClientConnection
 from backend.agent.acp.operations import Operations
 from backend.agent.acp.people import People
@@ -71,7 +71,7 @@ async def _serve_tcp(wiring: Wiring) -> None:
             clients.discard(task)
 
     server = await asyncio.start_server(accept, where.host, where.port, limit=_STREAM_LIMIT)
-    log.info("agent on tcp://%s:%d", *server.sockets[0].getsockname()[:2])
+    log.info("agent on %s", addresses.url("tcp", *server.sockets[0].getsockname()[:2]))
     try:
         await asyncio.Event().wait()
     finally:

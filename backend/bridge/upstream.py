@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from typing import Protocol, cast
 from urllib.parse import urlsplit
 
+from backend import addresses
 from backend.bridge.limits import Limits
 from backend.bridge.line_splitter import LineSplitter
 from backend.config import ConfigError
@@ -115,7 +116,7 @@ class _TcpAgent:
             async with asyncio.timeout(_PROBE_SECONDS):
                 _, writer = await asyncio.open_connection(self.host, self.port)
         except (OSError, TimeoutError):
-            return f"Nothing answers at {self.host}:{self.port}."
+            return f"Nothing answers at {addresses.authority(self.host, self.port)}."
         writer.close()
         return None
 
