@@ -9,37 +9,33 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
-import json
 import logging
 import os
 import signal
 import sys
 from collections.abc import Coroutine, Sequence
-from datetime import UTC, datetime, tzinfo
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from backend import __version__, sessions_command
-from backend.identity import Role
+from backend import __version__, sessions_command, token_commands
 
 if TYPE_CHECKING:
-    from backend import config, tokens
+    from backend import config
     from backend.gateway.remote import Address
 
-MAX_NAME_CHARS = 60
 LISTEN_PORT = 9200
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit status: 2 for settings or arguments that cannot be used."""
     options = _parser().parse_args(arguments)
-    from backend import config, tokens  # after the parser, so that `--help` does not wait for them
+    from backend import config, private_files, tokens  # after the parser, so that `--help` does not wait for them
 
     try:
         settings = config.load(options.config, **_flags(options))
         _log_to_stderr(settings.log_level)
         return int(options.run(settings, options))
-    except (config.ConfigError, tokens.RegistryError) as error:
+    except (config.ConfigError, tokens.RegistryError, private_files.UnsafeFile) as error:
         print(f"robot-acp: {error}", file=sys.stderr)
         return 2
     except OSError as error:
@@ -107,50 +103,11 @@ def _parser() -> argparse.ArgumentParser:
     listen.add_argument("--port", type=int, default=LISTEN_PORT, help="on 127.0.0.1 (default: 9200)")
     listen.set_defaults(run=_listen)
 
-    _token_commands(commands.add_parser("token", help="login tokens: create, list, revoke"))
+    token_commands.add_to(commands)
 
     sessions = commands.add_parser("sessions", help="the log of sessions, for those who run the robot")
     sessions_command.add_commands(sessions)
     return parser
-
-
-def _token_commands(parser: argparse.ArgumentParser) -> None:
-    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    create = commands.add_parser("create", help="print a new login token; `chat` reads it from ROBOT_ACP_TOKEN")
-    create.add_argument("--name", required=True, type=_name, help="who it is for")
-    create.add_argument("--role", required=True, choices=[role.value for role in Role])
-    create.add_argument(
-        "--expires",
-        type=_lifetime,
-        default="7d",
-        metavar="WHEN",
-        help="after 30m, 12h or 7d, or at the end of a day: 2027-01-31 (default: 7d)",
-    )
-    create.set_defaults(run=_token_create)
-
-    listing = commands.add_parser("list", help="who has a token, and whether it is valid; never the token itself")
-    listing.add_argument("--json", action="store_true", help="print them as JSON")
-    listing.set_defaults(run=_token_list)
-
-    revoke = commands.add_parser("revoke", help="end a login, also where it is in use now")
-    revoke.add_argument("id_or_name", metavar="ID_OR_NAME", help="one token by its id, or all of somebody's")
-    revoke.set_defaults(run=_token_revoke)
-
-
-def _name(text: str) -> str:
-    name = text.strip()
-    if not name or not name.isprintable() or len(name) > MAX_NAME_CHARS:
-        raise argparse.ArgumentTypeError(f"a name is 1 to {MAX_NAME_CHARS} characters on one line")
-    return name
-
-
-def _lifetime(text: str) -> float:
-    from backend import tokens
-
-    try:
-        return tokens.lifetime(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def _remote_flags(parser: argparse.ArgumentParser) -> None:
@@ -263,56 +220,13 @@ def _listen(settings: config.Settings, options: argparse.Namespace) -> int:
 
 
 def _remote(settings: config.Settings, options: argparse.Namespace) -> Address:
+    from backend import local_user
     from backend.gateway.remote import Address
 
     token = options.token or os.environ.get("ROBOT_ACP_TOKEN")
-    return Address.parse(options.address, token) if options.address else Address.of_local_bridge(settings, token)
-
-
-def _token_create(settings: config.Settings, options: argparse.Namespace) -> int:
-    from backend import tokens
-
-    print(tokens.create(settings.data_dir, options.name, Role(options.role), options.expires))
-    return 0
-
-
-def _token_list(settings: config.Settings, options: argparse.Namespace) -> int:
-    from backend import tokens
-
-    records = tokens.records(settings.data_dir)
-    if options.json:
-        print(json.dumps([_columns(record, "seconds", UTC) for record in records], indent=2, ensure_ascii=False))
-    elif not records:
-        print("There are no login tokens yet. `robot-acp token create` makes one.")
-    else:
-        rows = [_columns(record, "minutes") for record in records]
-        widths = {column: max(len(column), *(len(row[column]) for row in rows)) for column in rows[0]}
-        for row in ({column: column.upper() for column in widths}, *rows):
-            print("  ".join(row[column].ljust(width) for column, width in widths.items()).rstrip())
-    return 0
-
-
-def _columns(record: tokens.Record, precision: str, zone: tzinfo | None = None) -> dict[str, str]:
-    """A token as `token list` shows it, with times in `zone`; None is the time zone of this computer."""
-    created, expires = (
-        datetime.fromtimestamp(when, zone).isoformat(" " if zone is None else "T", precision)
-        for when in (record.created, record.expires)
-    )
-    who = {"id": record.id, "name": record.name, "role": record.role.value}
-    return who | {"created": created, "expires": expires, "state": record.state}
-
-
-def _token_revoke(settings: config.Settings, options: argparse.Namespace) -> int:
-    from backend import tokens
-
-    revoked = tokens.revoke(settings.data_dir, options.id_or_name)
-    for record in revoked:
-        print(f"Revoked {record.id} of {record.name} ({record.role.value}).")
-    if len(revoked) > 1:
-        print(f"These were all valid tokens of {options.id_or_name}.")
-    if not revoked:
-        print(f"Nothing to do: no token of {options.id_or_name} is valid any more.")
-    return 0
+    if not options.address:
+        return Address.of_local_bridge(settings, token)
+    return Address.parse(options.address, token or local_user.token_for(options.address, settings))
 
 
 def _until_signal(work: Coroutine[Any, Any, int | None]) -> int:

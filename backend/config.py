@@ -26,7 +26,7 @@ from pydantic_settings import (
     TomlConfigSettingsSource,
 )
 
-from backend import robot_address
+from backend import addresses, robot_address
 
 DEFAULT_FILE = Path("robot.toml")
 Decision = Literal["allow", "ask", "deny"]
@@ -201,7 +201,9 @@ class Agent(_Section):
     database: str | None = Field(
         None, description="sqlite:///PATH or postgresql://…; default: SQLite in the data folder"
     )
-    trust_loopback: bool = True
+    trust_loopback: bool | Literal["any_user"] = Field(
+        True, description="whether a TCP client of this machine and of the agent's own user needs no token"
+    )
     default_mode: str = "supervised"
     permission_timeout: float = Field(60.0, gt=0, description="seconds; no answer in time is a refusal")
     thought_timeout: float = Field(
@@ -335,12 +337,22 @@ class Settings(BaseSettings):
 
     @property
     def _own_robot_url(self) -> str:
-        return f"http://{self.robot.host}:{self.robot.port}"
+        return addresses.url("http", addresses.reached_at(self.robot.host), self.robot.port)
 
     @property
     def agent_address(self) -> str:
         """The address at which the bridge reaches the agent: `tcp://HOST:PORT` or `stdio:COMMAND`."""
-        return self.bridge.agent or f"tcp://{self.agent.host}:{self.agent.port}"
+        return self.bridge.agent or self.agent_url
+
+    @property
+    def agent_url(self) -> str:
+        """The address of this machine's own agent, `tcp://HOST:PORT`."""
+        return addresses.url("tcp", addresses.reached_at(self.agent.host), self.agent.port)
+
+    @property
+    def bridge_url(self) -> str:
+        """The address of this machine's own bridge, `http://HOST:PORT`."""
+        return addresses.url("http", addresses.reached_at(self.bridge.host), self.bridge.port)
 
     @property
     def database_url(self) -> str:

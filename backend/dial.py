@@ -8,10 +8,8 @@ also put failures into words for people.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import socket
 from dataclasses import dataclass, field
-from ipaddress import ip_address
 from typing import Protocol, Self
 from urllib.parse import SplitResult, urlsplit
 
@@ -20,7 +18,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.frames import CloseCode
 from websockets.typing import Subprotocol
 
-from backend import wire
+from backend import addresses, wire
 from backend.streams import CLOSE_SECONDS, close
 
 _SUBPROTOCOL = Subprotocol("acp.v1")
@@ -79,9 +77,7 @@ class Address:
     @property
     def is_local(self) -> bool:
         """Whether it is on this machine."""
-        with contextlib.suppress(ValueError):
-            return ip_address(self.host).is_loopback
-        return self.host == "localhost"
+        return addresses.is_loopback(self.host)
 
 
 async def dial(address: Address) -> Stream:

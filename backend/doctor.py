@@ -11,9 +11,11 @@ import os
 import socket
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import httpx
 
+from backend import addresses, identity, private_files
 from backend.config import Settings
 from backend.findings import Finding, bad, good
 from backend.robot_address import without_login
@@ -48,10 +50,26 @@ def _machine(settings: Settings) -> Iterator[Finding]:
     yield good("settings", f"they are valid; the robot is {settings.robot.name} ({kind})")
     folder = settings.data_dir
     nearest = next(place for place in (folder, *folder.parents) if place.exists())
-    if nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK):
-        yield good("data folder", f"{folder}{'' if folder.exists() else ' (will be made)'}")
-    else:
+    if not nearest.is_dir() or not os.access(nearest, os.W_OK | os.X_OK):
         yield bad("data folder", f"{folder} cannot be written", "Set data_dir to a folder of yours, or its rights.")
+    elif not folder.exists():
+        yield good("data folder", f"{folder} (will be made)")
+    else:
+        yield _folder_and_keys(folder)
+
+
+def _folder_and_keys(folder: Path) -> Finding:
+    try:
+        private_files.check_folder(folder)
+        for name in (identity.SIGNING_KEY, identity.ROBOT_TOKEN):
+            with contextlib.suppress(FileNotFoundError):
+                identity.read_secret(folder / name)
+    except private_files.UnsafeFile as unsafe:
+        problem, _, advice = str(unsafe).partition(". ")
+        return bad("data folder", problem, advice)
+    except OSError as error:
+        return bad("data folder", f"{error.filename} cannot be read ({error.strerror})", "Give it to this user.")
+    return good("data folder", str(folder))
 
 
 def _database(settings: Settings) -> Finding:
@@ -73,14 +91,15 @@ async def _processes(settings: Settings) -> list[Finding]:
     async with httpx.AsyncClient(trust_env=False, timeout=2.0) as client:
         for name, path in (("robot", "/health"), ("agent", None), ("bridge", "/api/health"))[0 if ours else 1 :]:
             where = getattr(settings, name)
-            address = f"{where.host}:{where.port}"
-            if not _listens(where.host, where.port):
+            address = addresses.authority(where.host, where.port)
+            host = addresses.reached_at(where.host)
+            if not _listens(host, where.port):
                 found.append(good(name, f"{address} is free; it is not running"))
                 continue
             answers = path is None
             if path:
                 with contextlib.suppress(httpx.HTTPError):
-                    answers = "status" in (await client.get(f"http://{address}{path}")).text
+                    answers = "status" in (await client.get(addresses.url("http", host, where.port, path))).text
             advice = f"End the other program, or choose another port with ROBOT_ACP_{name.upper()}__PORT."
             found.append(
                 good(name, f"it answers on {address}")
@@ -106,6 +125,8 @@ async def _other_robot(settings: Settings) -> Finding:
 
 
 def _listens(host: str, port: int) -> bool:
-    with contextlib.closing(socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET)) as probe:
-        probe.settimeout(1.0)
-        return probe.connect_ex((host, port)) == 0
+    try:
+        with socket.create_connection((host, port), timeout=1.0):
+            return True
+    except OSError:
+        return False

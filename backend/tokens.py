@@ -14,6 +14,7 @@ import os
 import re
 import secrets
 import time
+import unicodedata
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import date, datetime
@@ -22,8 +23,10 @@ from typing import Literal
 
 import msgspec
 
-from backend import identity, wire
+from backend import identity, private_files, signing_keys, wire
 from backend.identity import Identity, InvalidToken, Role
+from backend.private_files import UnsafeFile
+from backend.signing_keys import KeyRing
 
 REGISTRY = "tokens.json"
 CHECK_INTERVAL_S = 0.5
@@ -42,7 +45,10 @@ class RegistryError(Exception):
 
 
 class Record(msgspec.Struct, frozen=True):
-    """One token of the list. Times are Unix seconds; `revoked` is when it was revoked, None where it was not."""
+    """One token of the list. Times are Unix seconds; `revoked` is when it was revoked, None where it was not.
+
+    `subject` is the person: all tokens of one person have the same, and no other person has it, whatever the names are.
+    """
 
     id: str
     name: str
@@ -50,6 +56,7 @@ class Record(msgspec.Struct, frozen=True):
     created: float
     expires: float
     revoked: float | None = None
+    subject: str = ""
 
     @property
     def state(self) -> Literal["valid", "expired", "revoked"]:
@@ -81,25 +88,66 @@ def lifetime(text: str) -> float:
     return seconds
 
 
-def create(data_dir: Path, name: str, role: Role, lifetime_s: float) -> str:
-    """Record and return a new login token. Raises `RegistryError`."""
+def create(data_dir: Path, name: str, role: Role, lifetime_s: float, *, same_person: bool = False) -> str:
+    """Record and return a new login token. Raises `RegistryError`, also for a name that somebody else has.
+
+    `same_person` makes it a further token of the person who has this name already, where there is one.
+    """
     key = identity.shared_secret(data_dir, identity.SIGNING_KEY)
-    now = time.time()
-    record = Record(secrets.token_hex(6), name, role, now, now + lifetime_s)
     with _locked(data_dir):
-        kept = [old for old in records(data_dir) if now - old.expires < _KEPT_S]
-        _write(data_dir, [*kept, record])
-    return identity.issue(key, name, role, lifetime_s, record.id)
+        known = records(data_dir)
+        record = _record(name, role, lifetime_s, _subject(known, name, role, same_person=same_person))
+        _add(data_dir, known, record)
+    return identity.issue(key, name, role, lifetime_s, record.id, record.subject)
+
+
+def _record(name: str, role: Role, lifetime_s: float, subject: str) -> Record:
+    now = time.time()
+    return Record(secrets.token_hex(6), name, role, now, now + lifetime_s, subject=subject)
+
+
+def _add(data_dir: Path, known: Sequence[Record], record: Record) -> None:
+    _write(data_dir, [*(old for old in known if record.created - old.expires < _KEPT_S), record])
+
+
+def _subject(known: Sequence[Record], name: str, role: Role, *, same_person: bool) -> str:
+    """The person for whom a new token is. Raises `RegistryError`."""
+    if _alike(name, identity.LOCAL.name):
+        raise RegistryError(f"{name!r} is what people without a token are called. Choose another name.")
+    namesakes = [one for one in known if _alike(one.name, name)]
+    if not namesakes:
+        return secrets.token_hex(8)
+    newest = namesakes[-1]
+    if not same_person:
+        raise RegistryError(
+            f"There is {newest.name!r} already: {newest.role.value}, token {newest.id}, {newest.state}. For a further "
+            "token of the same person add --same-person. For another person choose another name."
+        )
+    person = ([one for one in namesakes if one.role == role] or namesakes)[-1].subject
+    for one in known:
+        if one.subject == person and one.state == "valid" and one.role != role:
+            raise RegistryError(
+                f"{one.name!r} is {one.role.value}, and a person has one role. Revoke the token {one.id} first, or "
+                "choose another name."
+            )
+    return person
+
+
+def _alike(one: str, other: str) -> bool:
+    """Whether people would take two names for one."""
+    first, second = (" ".join(unicodedata.normalize("NFKC", name).casefold().split()) for name in (one, other))
+    return first == second
 
 
 def records(data_dir: Path) -> list[Record]:
     """All tokens of the list, the oldest first. Raises `RegistryError`."""
     path = data_dir / REGISTRY
     try:
-        return _parse(path.read_bytes())
+        with private_files.opened(path) as file:
+            return _parse(file.read())
     except FileNotFoundError:
         return []
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, UnsafeFile) as error:
         raise RegistryError(_cannot_read(path, error)) from None
 
 
@@ -122,6 +170,31 @@ def revoke(data_dir: Path, id_or_name: str) -> list[Record]:
     return list(revoked.values())
 
 
+def rotate_key(data_dir: Path, until: float) -> int:
+    """Make a new signing key, and return how many tokens were valid until now.
+
+    They are valid until `until`, in Unix seconds, at the longest. Where that is now they are revoked, and whoever is
+    logged in with one has to leave. Raises `RegistryError`, `UnsafeFile`.
+    """
+    identity.shared_secret(data_dir, identity.SIGNING_KEY)
+    now = time.time()
+    with _locked(data_dir):
+        known = records(data_dir)
+        try:
+            signing_keys.rotate(data_dir, until)
+        except OSError as error:
+            raise RegistryError(f"The keys in {data_dir} cannot be written: {error.strerror}.") from None
+        valid = [one for one in known if one.state == "valid"]
+        _write(data_dir, [_cut(one, until, now) if one.state == "valid" else one for one in known])
+    return len(valid)
+
+
+def _cut(record: Record, until: float, now: float) -> Record:
+    if until <= now:
+        return msgspec.structs.replace(record, revoked=now)
+    return msgspec.structs.replace(record, expires=min(record.expires, until))
+
+
 class Registry:
     """The list as a server process has read it. It reads a changed list at each new login, and twice a second in `run`.
 
@@ -130,7 +203,7 @@ class Registry:
 
     def __init__(self, data_dir: Path) -> None:
         self._path = data_dir / REGISTRY
-        self._key = identity.shared_secret(data_dir, identity.SIGNING_KEY)
+        self._keys = KeyRing(data_dir)
         self._records: dict[str, Record] = {}
         self._version: tuple[int, ...] | None = None  # of the file that was read last; None before
         self._error: str | None = None  # why the list cannot be read; None while it can
@@ -142,8 +215,8 @@ class Registry:
         `to_stop` is for requests that stop the robot, which must not fail because the list cannot be read: they are
         accepted with every genuine token that is not known to be revoked.
         """
-        who = identity.verify(self._key, token)
         self._reload()
+        who = identity.verify(self._keys.accepted(), token)
         record = self._records.get(who.token_id or "")
         if record is not None and record.revoked is not None:
             raise InvalidToken("This login token was revoked. Ask for a new one.")
@@ -155,7 +228,9 @@ class Registry:
             )
         if record is None:
             raise InvalidToken("This login token is not known to this robot. Ask for a new one.")
-        return who
+        if record.state == "expired":
+            raise InvalidToken("This login token has expired. Ask for a new one.")
+        return _identity(who, record)
 
     def ended(self, who: Identity | None) -> str | None:
         """Why an accepted login has ended, as a sentence for that person; None while it is valid."""
@@ -188,62 +263,82 @@ class Registry:
         record = self._records.get(who.token_id)
         if record is None:
             return None if self._error else "Your login is no longer known. Ask for a new one."
+        if record.state == "expired":
+            return "Your login has expired. Log in again."
         return None if record.revoked is None else "Your login was revoked. Ask for a new one."
 
     def _reload(self) -> None:
-        """Read the list if the file has changed. A failure is logged once, and the records read before remain."""
+        """Read keys and list if they have changed. A failure is logged once, and what was read before remains."""
         try:
-            with self._path.open("rb") as file:
+            self._keys.reload()
+        except (OSError, UnsafeFile) as error:
+            self._failed(f"The signing key cannot be read: nobody can log in. {error}")
+            return
+        try:
+            with private_files.opened(self._path) as file:
                 status = os.fstat(file.fileno())
                 version = (status.st_ino, status.st_mtime_ns, status.st_size)
                 if version == self._version and self._error is None:
                     return
                 known = _parse(file.read())
-        except (OSError, ValueError) as error:
-            error_text = _cannot_read(self._path, error)
-            if error_text != self._error:
-                log.warning("%s", error_text)
-            self._error = error_text
+        except (OSError, ValueError, UnsafeFile) as error:
+            self._failed(_cannot_read(self._path, error))
             return
         if self._error is not None:
             log.info("the list of login tokens can be read again")
         self._records = {record.id: record for record in known}
         self._version, self._error = version, None
 
+    def _failed(self, error: str) -> None:
+        if error != self._error:
+            log.warning("%s", error)
+        self._error = error
+
 
 @contextmanager
 def _locked(data_dir: Path) -> Iterator[None]:
     """Allow one writer at a time. The lock is on the folder; the system releases it when its process dies."""
+    private_files.check_folder(data_dir)
     folder = os.open(data_dir, os.O_RDONLY)
     try:
         fcntl.flock(folder, fcntl.LOCK_EX)
         yield
-        os.fsync(folder)  # a revocation must survive a power failure
     finally:
         os.close(folder)
 
 
 def _write(data_dir: Path, known: Sequence[Record]) -> None:
-    draft = data_dir / f".{REGISTRY}.{os.getpid()}"  # no other process writes one, as this one has the lock
     try:
-        draft.unlink(missing_ok=True)  # a process with the same id may have died and left it
-        descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(msgspec.json.format(msgspec.json.encode(known), indent=1) + b"\n")
-            file.flush()
-            os.fsync(file.fileno())
-        draft.replace(data_dir / REGISTRY)
+        private_files.write(data_dir / REGISTRY, msgspec.json.format(msgspec.json.encode(known), indent=1) + b"\n")
     except OSError as error:
-        draft.unlink(missing_ok=True)
         raise RegistryError(f"The list of login tokens in {data_dir} cannot be written: {error.strerror}.") from None
+
+
+def _identity(claimed: Identity, record: Record) -> Identity:
+    """Who a token is for. The list decides, not the token."""
+    expires = min(record.expires, claimed.expires or record.expires)
+    return Identity(record.name, record.role, record.id, expires, record.subject)
 
 
 def _parse(content: bytes) -> list[Record]:
     """Raises `ValueError`."""
     try:
-        return msgspec.json.decode(content, type=list[Record])
+        known = msgspec.json.decode(content, type=list[Record])
     except wire.UNREADABLE as error:
         raise ValueError(str(error)) from None
+    return [one if one.subject else msgspec.structs.replace(one, subject=_old_subject(one, known)) for one in known]
+
+
+def _old_subject(one: Record, known: Sequence[Record]) -> str:
+    """The person of a token from before people had subjects.
+
+    Sessions of that time belong to a name. They go to the most trusted one who had the name, never to a namesake.
+    """
+    roles = list(Role)
+    namesakes = [other.role for other in known if other.name == one.name and not other.subject]
+    if one.name != identity.LOCAL.name and one.role == max(namesakes, key=roles.index):
+        return identity.person_named(one.name)
+    return f"role:{one.role.value}:{one.name}"
 
 
 def _cannot_read(path: Path, error: Exception) -> str:

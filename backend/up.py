@@ -21,7 +21,7 @@ from pathlib import Path
 
 import httpx
 
-from backend import identity, robot_address, tokens
+from backend import addresses, identity, robot_address, tokens
 from backend.config import ConfigError, Settings
 from backend.identity import Role
 
@@ -67,7 +67,7 @@ async def run(settings: Settings, config_file: Path | None) -> int:
     if "ros2-demo" in names:
         environment |= _demo_domain(settings, environment)
     identity.shared_secret(settings.data_dir, identity.ROBOT_TOKEN)
-    token = tokens.create(settings.data_dir, "supervisor", Role.SUPERVISOR, LOGIN_DAYS * 86400)
+    token = tokens.create(settings.data_dir, "supervisor", Role.SUPERVISOR, LOGIN_DAYS * 86400, same_person=True)
     status = 0
     try:
         async with asyncio.TaskGroup() as group:
@@ -105,16 +105,16 @@ def _check_ports(settings: Settings, names: Sequence[str]) -> None:
     for name in names:
         if (where := getattr(settings, name, None)) is None:
             continue
-        with socket.socket() as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            try:
+        try:
+            with socket.socket(addresses.family(where.host)) as probe:
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
                 probe.bind((where.host, where.port))
-            except OSError as error:
-                variable = f"ROBOT_ACP_{name.upper()}__PORT"
-                raise ConfigError(
-                    f"The {name} cannot use {where.host}:{where.port} ({error.strerror}). "
-                    f"Is another robot-acp running? End it, or choose another port with {variable}."
-                ) from None
+        except OSError as error:
+            variable = f"ROBOT_ACP_{name.upper()}__PORT"
+            raise ConfigError(
+                f"The {name} cannot use {addresses.authority(where.host, where.port)} ({error.strerror}). "
+                f"Is another robot-acp running? End it, or choose another port with {variable}."
+            ) from None
 
 
 def _demo_domain(settings: Settings, environment: dict[str, str]) -> dict[str, str]:
@@ -147,10 +147,7 @@ async def _keep(name: str, address: tuple[str, int] | None, environment: dict[st
     while True:
         started = asyncio.get_running_loop().time()
         process = await asyncio.create_subprocess_exec(
-            sys.executable,
-            "-m",
-            "backend.cli",
-            name,
+            *(sys.executable, "-P", "-m", "backend.cli", name),  # -P: no program of the folder that `up` is started in
             env=environment,
             stdin=asyncio.subprocess.DEVNULL,
             start_new_session=True,  # Ctrl-C reaches `up` alone, which then ends the processes itself
@@ -216,7 +213,7 @@ async def _end(process: asyncio.subprocess.Process) -> None:
 
 async def _greet(settings: Settings, token: str) -> None:
     """Wait until all three answer, then print the dashboard's address; name those that are missing after a while."""
-    base = f"http://{settings.bridge.host}:{settings.bridge.port}"
+    base = settings.bridge_url
     loop = asyncio.get_running_loop()
     page_since: float | None = None
     async with httpx.AsyncClient(trust_env=False, timeout=1.0) as client:

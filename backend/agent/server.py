@@ -6,12 +6,11 @@ import asyncio
 import contextlib
 import logging
 import socket
-from collections.abc import AsyncIterator
-from ipaddress import ip_address
+from collections.abc import AsyncIterator, Awaitable, Callable
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from backend import identity, robot_address
+from backend import addresses, identity, local_user, robot_address
 from backend.agent.acp.connection import ClientConnection
 from backend.agent.acp.operations import Operations
 from backend.agent.acp.people import People
@@ -53,7 +52,9 @@ _DESCRIPTORS_KEPT = 128
 
 async def serve(settings: Settings, *, stdio: bool = False) -> None:
     """Serve until cancelled, or, on stdio, until the client closes stdin. Raises `ConfigError`, `OSError`."""
-    async with _wiring(settings) as wiring:
+    needs_token = not stdio and settings.agent.trust_loopback is True
+    local_token = local_user.write_token(settings.data_dir, settings.agent.port) if needs_token else None
+    async with _wiring(settings, local_token) as wiring:
         if stdio:
             await _serve_stdio(wiring)
         else:
@@ -76,15 +77,16 @@ async def _serve_tcp(wiring: Wiring) -> None:
             plug.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             notice_loss(plug, _SILENCE_S, _PROBE_S)
             with contextlib.suppress(asyncio.CancelledError):  # the agent ends; asyncio would log it as an error
-                await _serve_client(wiring, reader, writer, local=_is_loopback(writer), before_login=before_login)
+                await _serve_client(wiring, reader, writer, _trust(wiring.settings, writer), before_login)
         finally:
             clients.discard(task)
 
     try:
         server = await asyncio.start_server(accept, where.host, where.port, limit=_STREAM_LIMIT, backlog=_BACKLOG)
     except OSError as error:
-        raise ConfigError(f"The agent cannot listen on {where.host}:{where.port}: {error.strerror or error}.") from None
-    log.info("agent on tcp://%s:%d", *server.sockets[0].getsockname()[:2])
+        at = addresses.authority(where.host, where.port)
+        raise ConfigError(f"The agent cannot listen on {at}: {error.strerror or error}.") from None
+    log.info("agent on %s", addresses.url("tcp", *server.sockets[0].getsockname()[:2]))
     try:
         await asyncio.Event().wait()
     finally:
@@ -99,19 +101,18 @@ async def _serve_tcp(wiring: Wiring) -> None:
 
 async def _serve_stdio(wiring: Wiring) -> None:
     async with stdin(_STREAM_LIMIT) as reader, stdout() as writer:
-        await _serve_client(wiring, reader, writer, local=True)
+        await _serve_client(wiring, reader, writer, _trust_the_parent(wiring.settings))
 
 
 async def _serve_client(
     wiring: Wiring,
     reader: asyncio.StreamReader,
     writer: asyncio.StreamWriter,
-    *,
-    local: bool,
+    trusted: Callable[[], Awaitable[bool]],
     before_login: ConnectionsBeforeLogin | None = None,
 ) -> None:
     most = wiring.settings.agent.max_outbox_bytes
-    connection = ClientConnection(reader, writer, local, most, wiring.requests, before_login)
+    connection = ClientConnection(reader, writer, trusted, most, wiring.requests, before_login)
     operations = Operations(wiring, connection)
     serving = asyncio.create_task(connection.serve(operations.router()), name=f"client {connection.id}")
     watching = asyncio.create_task(_dismiss_when_login_ends(wiring.tokens, connection))
@@ -137,7 +138,7 @@ async def _dismiss_when_login_ends(tokens: Registry, connection: ClientConnectio
 
 
 @contextlib.asynccontextmanager
-async def _wiring(settings: Settings) -> AsyncIterator[Wiring]:
+async def _wiring(settings: Settings, local_token: str | None) -> AsyncIterator[Wiring]:
     """Start everything that the connections share; at the end, stop it in the reverse order. Raises `ConfigError`."""
     agent = settings.agent
     if agent.default_mode not in MODE_IDS:
@@ -191,6 +192,7 @@ async def _wiring(settings: Settings) -> AsyncIterator[Wiring]:
         offers=offers,
         people=People(),
         requests=RequestLimits(agent.requests),
+        local_token=local_token,
     )
     background = [
         asyncio.create_task(tokens.run(), name="tokens"),
@@ -230,6 +232,24 @@ async def _warm_up(tools: McpClient, default_model: str) -> None:
     await providers.ready(default_model)
 
 
-def _is_loopback(writer: asyncio.StreamWriter) -> bool:
-    host = str(writer.get_extra_info("peername")[0]).partition("%")[0]
-    return ip_address(host).is_loopback
+def _trust(settings: Settings, writer: asyncio.StreamWriter) -> Callable[[], Awaitable[bool]]:
+    """Whether a TCP client is let in without a token, as `agent.trust_loopback` says."""
+
+    async def trusted() -> bool:
+        there, here = (writer.get_extra_info(end)[:2] for end in ("peername", "sockname"))
+        if settings.agent.trust_loopback is False or not local_user.is_loopback(there[0]):
+            return False
+        if settings.agent.trust_loopback == "any_user":
+            return True
+        return await asyncio.to_thread(local_user.is_same_user, here, there)
+
+    return trusted
+
+
+def _trust_the_parent(settings: Settings) -> Callable[[], Awaitable[bool]]:
+    """The same on stdio, where the client is the program that started this one."""
+
+    async def trusted() -> bool:
+        return settings.agent.trust_loopback is not False
+
+    return trusted

@@ -20,7 +20,8 @@ from backend.tokens import Registry
 class Wiring:
     """One agent. `models` are the names of the models that people may choose, the default first. `offers` decides which
     MCP servers a client may bring. `link` carries the robot's state, its stop and its release. `requests` limits what a
-    login may ask for.
+    login may ask for. `local_token` is what the commands of the agent's own user bring where the system does not list
+    users (`local_user`), else None.
     """
 
     settings: Settings
@@ -34,3 +35,4 @@ class Wiring:
     offers: AllowList
     people: People
     requests: RequestLimits
+    local_token: str | None = None

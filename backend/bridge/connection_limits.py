@@ -65,7 +65,7 @@ class ConnectionLimit:
             login = await _authenticate(authenticate or self._authenticator.admit, websocket)
             if login is None:
                 return
-            key = login.identity.token_id or login.identity.name
+            key = login.identity.person
             if (refusal := self._refusal(key, login.identity)) is not None:
                 log.debug("%s refused for %s: %s", websocket.url.path, login.identity.name, refusal.reason)
                 await _refuse(websocket, refusal)

@@ -8,6 +8,7 @@ import socket
 
 import uvicorn
 
+from backend import addresses
 from backend.bridge.app import create_app
 from backend.bridge.connection_limits import (
     DESCRIPTORS_PER_PAGE,
@@ -61,7 +62,7 @@ async def serve(settings: Settings, *, listener: socket.socket | None = None, li
             timeout_graceful_shutdown=_SHUTDOWN_SECONDS,
         )
     )
-    log.info("bridge on http://%s:%s, agent at %s", host, port, settings.agent_address)
+    log.info("bridge on %s, agent at %s", addresses.url("http", host, port), settings.agent_address)
     serving = asyncio.ensure_future(server.serve(sockets=[bound]))
     try:
         await asyncio.shield(serving)
@@ -74,11 +75,11 @@ async def serve(settings: Settings, *, listener: socket.socket | None = None, li
 def listen(settings: Settings) -> socket.socket:
     """The bridge's listening socket. Raises `ConfigError`."""
     host, port = settings.bridge.host, settings.bridge.port
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:
-        bound = socket.create_server((host, port), family=family, backlog=512)
+        bound = socket.create_server((host, port), family=addresses.family(host), backlog=512)
     except OSError as error:
-        raise ConfigError(f"The bridge cannot listen on {host}:{port}: {error.strerror}.") from None
+        where = addresses.authority(host, port)
+        raise ConfigError(f"The bridge cannot listen on {where}: {error.strerror}.") from None
     if hasattr(socket, "TCP_USER_TIMEOUT"):
         # Accepted connections inherit it: the kernel ends one whose peer acknowledges nothing for 30 s.
         bound.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, 30_000)

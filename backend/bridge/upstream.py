@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import Protocol, cast
 from urllib.parse import urlsplit
 
-from backend import wire
+from backend import addresses, wire
 from backend.bridge.limits import Limits
 from backend.bridge.line_splitter import LineSplitter
 from backend.config import ConfigError
@@ -111,7 +111,7 @@ class _TcpAgent:
         return connection
 
     async def probe(self) -> str | None:
-        where = f"{self.host}:{self.port}"
+        where = addresses.authority(self.host, self.port)
         try:
             async with asyncio.timeout(_PROBE_SECONDS):
                 reader, writer = await asyncio.open_connection(self.host, self.port)

@@ -22,6 +22,7 @@ from prompt_toolkit.patch_stdout import patch_stdout
 from rich.console import Console
 from rich.text import Text
 
+from backend import local_user
 from backend import meta as keys
 from backend.chat import plain_input
 from backend.chat.export import save_log
@@ -58,10 +59,11 @@ async def run(
     telemetry: bool = False,
 ) -> int:
     """Chat until the input ends; the exit status is 1 when the connection could not be made or was lost."""
-    where = address or f"tcp://{settings.agent.host}:{settings.agent.port}"
+    where = address or settings.agent_url
     chat = Chat(as_json, Status() if telemetry else None)
+    token = token or os.environ.get("ROBOT_ACP_TOKEN")
     try:
-        await chat.connect(where, token or os.environ.get("ROBOT_ACP_TOKEN"), session)
+        await chat.connect(where, token or local_user.token_for(where, settings), session)
         return await chat.talk()
     except (LinkError, RefusedError) as error:
         print(f"robot-acp: {error}", file=sys.stderr)

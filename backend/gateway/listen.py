@@ -1,8 +1,9 @@
 """`robot-acp listen`: a remote robot as a TCP agent on this machine's loopback, and nowhere else.
 
-Whoever reaches the port has the rights of the token, so a connection that does not begin with `initialize` is closed
-at once: a web page can post to a local port, but it cannot begin like this. Until then a connection has little time and
-room, and beyond `MAX_BEFORE_INITIALIZE` the oldest one is closed.
+Whoever is let in has the rights of the token. So only programs of the user who started this are, where the system says
+whose a connection is, and a connection that does not begin with `initialize` is closed at once: a web page can post to
+a local port, but it cannot begin like this. Until then a connection has little time and room, and beyond
+`MAX_BEFORE_INITIALIZE` the oldest one is closed.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import logging
 import socket
 from collections.abc import Callable
 
-from backend import wire
+from backend import addresses, local_user, wire
 from backend.connections_before_login import ConnectionsBeforeLogin
 from backend.gateway.pipe import Pipe
 from backend.gateway.remote import Address, RemoteError
@@ -24,6 +25,7 @@ _FIRST_LINE_SECONDS = 30.0
 _FIRST_LINE_BYTES = 64 * 1024
 _STREAM_LIMIT = 64 * 1024
 """So much of a line is read at a time; a longer one is put together as it is read."""
+_NOT_YOURS = "This port serves only the user who opened it. Run `robot-acp listen` yourself, with your own login token."
 
 log = logging.getLogger(__name__)
 
@@ -45,7 +47,9 @@ async def serve(address: Address, port: int) -> None:
             clients.discard(task)
 
     server = await asyncio.start_server(accept, HOST, port, limit=_STREAM_LIMIT)
-    log.info("%s is on tcp://%s:%d", address.url, *server.sockets[0].getsockname()[:2])
+    log.info("%s is on %s", address.url, addresses.url("tcp", *server.sockets[0].getsockname()[:2]))
+    if not local_user.lists_users():
+        log.warning("every user of this computer can use this port, and then acts with your login")
     try:
         async with server:
             await server.serve_forever()
@@ -65,11 +69,19 @@ async def _serve_client(
         first = await _first_line(reader)
         if first is None:
             log.warning("closed a connection that did not begin with initialize")
+        elif local_user.lists_users() and not await _is_same_user(writer):
+            log.warning("refused a program of another user of this computer")
+            writer.write(wire.error_frame(first.id, wire.AUTH_REQUIRED, _NOT_YOURS) + b"\n")
         else:
             admit()
             await _relay(address, first, reader, writer)
     finally:
         await close(writer)
+
+
+async def _is_same_user(writer: asyncio.StreamWriter) -> bool:
+    here, there = (writer.get_extra_info(end)[:2] for end in ("sockname", "peername"))
+    return await asyncio.to_thread(local_user.is_same_user, here, there)
 
 
 async def _first_line(reader: asyncio.StreamReader) -> wire.Frame | None:

@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 
 from websockets.exceptions import InvalidStatus, WebSocketException
 
-from backend import dial, wire
+from backend import addresses, dial, wire
 from backend.config import ConfigError, Settings
 
 _LOGIN_ENDED = 4401  # the bridge's own close code
@@ -41,8 +41,8 @@ class Address(dial.Address):
     @classmethod
     def of_local_bridge(cls, settings: Settings, token: str | None) -> Address:
         """The bridge of these settings, on this machine."""
-        host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(settings.bridge.host, settings.bridge.host)  # noqa: S104
-        return cls.parse(f"ws://{f'[{host}]' if ':' in host else host}:{settings.bridge.port}/acp", token)
+        host = addresses.reached_at(settings.bridge.host)
+        return cls.parse(addresses.url("ws", host, settings.bridge.port, "/acp"), token)
 
     async def connect(self) -> Remote:
         """Open a connection. Raises `RemoteError`."""

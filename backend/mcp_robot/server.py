@@ -15,7 +15,7 @@ from collections.abc import Callable
 import uvicorn
 from starlette.applications import Starlette
 
-from backend import config, identity
+from backend import addresses, config, identity
 from backend.config import ConfigError, Settings
 from backend.connections_before_login import ConnectionsBeforeLogin
 from backend.http_protocol import HttpLimits, uvicorn_options
@@ -99,7 +99,7 @@ class _Http(uvicorn.Server):
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
         host, port = (sockets or [])[0].getsockname()[:2]
-        logger.info("The robot server answers on http://%s:%s.", host, port)
+        logger.info("The robot server answers on %s.", addresses.url("http", host, port))
         if self._on_ready:
             self._on_ready(port)
 
@@ -110,7 +110,7 @@ class _Http(uvicorn.Server):
 
 def _listen(settings: config.Robot) -> socket.socket:
     host, port = settings.host, settings.port
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    family = addresses.family(host)
     # With the protocol named: asyncio sets TCP_NODELAY only then, and without it every answer waits 40 ms for an ACK.
     listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     try:

@@ -37,6 +37,7 @@ from backend.identity import Role
 from backend.robot_server import RobotServerClient
 from tests.bridge.scenes import PATIENCE, TelemetryPeer, telemetry_peer
 from tests.bridge.viser_page import SUBPROTOCOL
+from tests.processes import token_of
 
 
 async def eventually(condition: Callable[[], object], seconds: float = PATIENCE) -> Any:
@@ -143,7 +144,7 @@ class RunningBridge:
         return f"http://127.0.0.1:{self.port}"
 
     def token(self, role: Role = Role.OPERATOR, name: str = "Ana", lifetime_s: float = 60) -> str:
-        return tokens.create(self.settings.data_dir, name, role, lifetime_s)
+        return token_of(self.settings.data_dir, name, role, lifetime_s)
 
     def http(self, token: str | None = None) -> httpx.AsyncClient:
         """A client that shows `token` as a bearer, or nothing."""
@@ -266,7 +267,7 @@ def opening(tmp_path: Path) -> Callable[..., Any]:
         task = asyncio.create_task(web.serve())
         await eventually(lambda: web.started)
         url = f"ws://127.0.0.1:{web.servers[0].sockets[0].getsockname()[1]}/scene"
-        bearer = {"Authorization": f"Bearer {tokens.create(tmp_path, 'Ana', Role.VIEWER, 60)}"}
+        bearer = {"Authorization": f"Bearer {token_of(tmp_path, 'Ana', Role.VIEWER, 60)}"}
         options = {"subprotocols": [SUBPROTOCOL], "compression": None, "max_size": None, "proxy": None}
         try:
             yield lambda: connect(url, additional_headers=bearer, **options)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import uuid
+from collections.abc import Awaitable, Callable
 from typing import Any
 
 import orjson
@@ -33,27 +34,30 @@ DISMISS_S = 1.0
 class ClientConnection:
     """An ACP connection over an NDJSON stream, and a session's listener.
 
-    `local` says that the client runs on this machine. While it is not logged in it counts in `before_login`, and its
-    messages have to be short and the first one has to come soon; None for a client that cannot be a stranger.
+    While it is not logged in it counts in `before_login`, and its messages have to be short and the first one has to
+    come soon; `before_login` is None for a client that cannot be a stranger.
     """
 
     def __init__(
         self,
         reader: asyncio.StreamReader,
         writer: asyncio.StreamWriter,
-        local: bool,
+        trusted: Callable[[], Awaitable[bool]],
         max_outbox_bytes: int,
         limits: RequestLimits | None = None,
         before_login: ConnectionsBeforeLogin | None = None,
     ) -> None:
+        """`trusted` says whether this client is let in without a token. It is asked once, at a client without one."""
         self.id = uuid.uuid4().hex[:8]
-        self.local = local
+        self.trusted = False
+        """Set before `initialize` is handled: whether the client is let in without a token."""
         self.initialized = False
         """Set when the first message was a request to initialize."""
         self.client_capabilities: dict[str, Any] = {}
         """As the client gave them in `initialize`."""
         self.folders: dict[str, str] = {}
         """Session id -> the folder that this client named when it opened the session."""
+        self._ask_trusted = trusted
         self._reader = reader
         self._outbox = Outbox(writer)
         self._max_outbox_bytes = max_outbox_bytes
@@ -87,6 +91,11 @@ class ClientConnection:
     def name(self) -> str:
         """The name of the person at this connection, for people."""
         return self.identity.name if self.identity else "somebody"
+
+    @property
+    def person(self) -> str:
+        """Who is at this connection, for comparisons."""
+        return self.identity.person if self.identity else f"connection:{self.id}"
 
     @property
     def may_approve(self) -> bool:
@@ -163,11 +172,14 @@ class ClientConnection:
                 continue
             except (OSError, TimeoutError):
                 return None
-            if not self.initialized and (frame.kind, frame.method) != ("request", "initialize"):
-                if (frame.kind, frame.method) == ("request", wire.HEALTH):
-                    self._send({"jsonrpc": "2.0", "id": frame.id, "result": {}})
-                return None
-            self.initialized = True
+            if not self.initialized:
+                if (frame.kind, frame.method) != ("request", "initialize"):
+                    if (frame.kind, frame.method) == ("request", wire.HEALTH):
+                        self._send({"jsonrpc": "2.0", "id": frame.id, "result": {}})
+                    return None
+                # Here and not in the handler, which would let the messages behind this one begin while it waits.
+                self.trusted = not _has_token(frame) and await self._ask_trusted()
+                self.initialized = True
             return frame
         return None
 
@@ -252,3 +264,8 @@ class ClientConnection:
     async def wait_for_space(self) -> None:
         """Return when the outbox can take more of a long replay, or the connection is over."""
         await self._outbox.wait_for_space()
+
+
+def _has_token(initialize: wire.Frame) -> bool:
+    meta = (initialize.body.get("params") or {}).get("_meta")
+    return isinstance(meta, dict) and keys.TOKEN in meta

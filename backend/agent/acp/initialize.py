@@ -5,6 +5,7 @@ What an identity may do is in `rights`. Nothing here opens a session.
 
 from __future__ import annotations
 
+import hmac
 import logging
 from typing import Any
 
@@ -31,7 +32,7 @@ from backend.agent.acp.connection import ClientConnection
 from backend.agent.acp.extensions import EXTENSIONS
 from backend.agent.acp.telemetry import TelemetryFeed
 from backend.agent.wiring import Wiring
-from backend.identity import Identity, Role
+from backend.identity import LOCAL, Identity
 from backend.tokens import RegistryError
 
 PROTOCOL_VERSION = 1
@@ -51,14 +52,14 @@ class Login:
 
     async def initialize(self, request: InitializeRequest) -> InitializeResponse:
         """Agree on the version, of which there is one, and learn who this is: from the token of the bridge or of the
-        client, or because the client runs on this machine and that is trusted. Only the first time counts."""
+        client, or because the client is one that is trusted without. Only the first time counts."""
         if self._initialized:
             return initialize_response(self._wiring, self._connection.identity)
         token = (request.field_meta or {}).get(keys.TOKEN)
         if token is not None:
             self._identify(token)
-        elif self._connection.local and self._wiring.settings.agent.trust_loopback:
-            self._connection.identity = Identity("local", Role.SUPERVISOR)
+        elif self._connection.trusted:
+            self._connection.identity = LOCAL
         self._initialized = True
         who = self._connection.identity
         log.info("client %s: %s", self._connection.id, f"{who.name}, {who.role.value}" if who else "not logged in")
@@ -89,6 +90,10 @@ class Login:
             self._telemetry.close()
 
     def _identify(self, token: object) -> None:
+        local_token = self._wiring.local_token
+        if local_token and hmac.compare_digest(str(token).encode(errors="replace"), local_token.encode()):
+            self._connection.identity = LOCAL
+            return
         try:
             self._connection.identity = self._wiring.tokens.verify(str(token))
         except (identity.InvalidToken, RegistryError) as error:

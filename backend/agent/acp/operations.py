@@ -121,8 +121,10 @@ class Operations:
         who = self._rights.authorized(Right.PROMPT)
         offers = self._read_offers(request.mcp_servers)
         agent = self._wiring.settings.agent
-        await self._admit(who, who.name, 0, new_session=True)
-        session = await self._wiring.sessions.create(who.name, request.cwd, agent.default_mode, agent.model)
+        await self._admit(who, who.person, 0, new_session=True)
+        session = await self._wiring.sessions.create(
+            who.name, request.cwd, agent.default_mode, agent.model, owner_id=who.person
+        )
         await session.client_servers.take(offers)
         self._connection.folders[session.id] = request.cwd
         await self._attachments.attach(session)
@@ -151,8 +153,8 @@ class Operations:
         offers = self._read_offers(request.mcp_servers)
         session = await self._rights.session(request.session_id)
         size = self._wiring.retention.size_of(session.id)
-        await self._admit(who, who.name, size, new_session=True)
-        fork = await self._wiring.sessions.fork(session, who.name, request.cwd)
+        await self._admit(who, who.person, size, new_session=True)
+        fork = await self._wiring.sessions.fork(session, who.name, request.cwd, owner_id=who.person)
         await fork.client_servers.take(offers)  # those of the original stay there: their headers are somebody's secrets
         self._connection.folders[fork.id] = request.cwd
         await self._attachments.attach(fork)
@@ -218,7 +220,7 @@ class Operations:
             session = await self._rights.own(request.session_id)
             if self._wiring.journal.failure:
                 raise database_away(self._wiring.journal.failure)
-            await self._admit(who, session.row.owner, len(orjson.dumps(blocks)))
+            await self._admit(who, session.row.person, len(orjson.dumps(blocks)))
         newly_attached = self._connection not in session.watching
         if newly_attached:
             await self._attachments.attach_at_once(session)  # waiting for a replay, the turn would miss a cancel

@@ -62,11 +62,11 @@ class People:
 
     def _list(self) -> Iterator[dict[str, Any]]:
         """Each person once, however many connections they have, sorted by name and role."""
-        connections: dict[tuple[str, str], list[ClientConnection]] = {}
+        connections: dict[tuple[str, str, str], list[ClientConnection]] = {}
         for connection in self._attached:
             if (who := connection.identity) is not None and not who.expired:
-                connections.setdefault((who.name, who.role.value), []).append(connection)
-        for (name, role), theirs in sorted(connections.items(), key=lambda item: item[0]):
+                connections.setdefault((who.name, who.role.value, who.person), []).append(connection)
+        for (name, role, _), theirs in sorted(connections.items(), key=lambda item: item[0]):
             sessions = dict.fromkeys(session_id for connection in theirs for session_id in self._watched(connection))
             newest = list(sessions)[:MAX_SESSIONS]
             yield {"name": name, "role": role, "connections": len(theirs), "sessions": newest}

@@ -74,14 +74,14 @@ class RequestLimits:
         return Account(self.settings, self._clock)
 
     def of(self, who: Identity) -> Account | None:
-        """The account of a login; None for an identity without a token."""
+        """The account of a person, over all logins; None for an identity without a token."""
         if who.token_id is None:
             return None
-        account = self._accounts.get(who.token_id)
+        account = self._accounts.get(who.person)
         if account is None:
             if len(self._accounts) >= _ACCOUNTS:
                 self._accounts = {key: kept for key, kept in self._accounts.items() if not kept.is_untouched}
-            account = self._accounts[who.token_id] = self.new()
+            account = self._accounts[who.person] = self.new()
         return account
 
 

@@ -45,7 +45,7 @@ class Rights:
         """The session, if this person may change it: it is theirs, or they are a supervisor."""
         session = await self.session(session_id)
         who = self.known()
-        if session.row.owner != who.name and not who.may(Right.TAKE_OVER):
+        if session.row.person != who.person and not who.may(Right.TAKE_OVER):
             raise RequestError(wire.NOT_ALLOWED, f"This session is {session.row.owner}'s. Begin one of your own.")
         return session
 

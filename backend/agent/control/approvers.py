@@ -39,6 +39,10 @@ class Approver(Protocol):
         """The name of the person, for people."""
 
     @property
+    def person(self) -> str:
+        """Who it is: the same at all connections of one person, and at no other's."""
+
+    @property
     def may_approve(self) -> bool:
         """Whether this person's answer counts at this moment."""
 
@@ -95,7 +99,7 @@ def read_answer(result: Any, offered: Collection[str] = OPTION_KINDS) -> str | N
 
 @dataclass(eq=False)
 class PermissionRequest:
-    """One pending permission request. `excluded` is the name of a person who is not asked, because two people have to
+    """One pending permission request. `excluded` is the `person` who is not asked, because two people have to
     agree and this one asked for the call."""
 
     params: dict[str, Any]
@@ -117,31 +121,31 @@ class AbsentApprovers:
         self._everybody = everybody
         self._grace_s = grace_s
         self._disconnected: dict[str, asyncio.TimerHandle] = {}
-        """People who disconnected a moment ago, by name, and the timer that ends their time to return."""
+        """People who disconnected a moment ago, by `person`, and the timer that ends their time to return."""
         self.waiting: set[PermissionRequests] = set()
         """The sessions that have a pending request."""
 
     def may_attach(self, attached: Collection[Approver], excluded: str | None) -> bool:
         """Whether somebody who may approve, other than `excluded`, is not among `attached` and may still attach."""
-        elsewhere = (person.name for person in self._everybody() if person.may_approve and person not in attached)
-        return any(name != excluded for name in (*self._disconnected, *elsewhere))
+        elsewhere = (one.person for one in self._everybody() if one.may_approve and one not in attached)
+        return any(person != excluded for person in (*self._disconnected, *elsewhere))
 
     def disconnected(self, approver: Approver) -> None:
         """Expect this person back for `grace_s` seconds, provided that their answer would still count."""
         self.returned(approver)
         if approver.may_approve:
-            timer = asyncio.get_running_loop().call_later(self._grace_s, self._did_not_return, approver.name)
-            self._disconnected[approver.name] = timer
+            timer = asyncio.get_running_loop().call_later(self._grace_s, self._did_not_return, approver.person)
+            self._disconnected[approver.person] = timer
         else:
             self._refuse_unanswerable()
 
     def returned(self, approver: Approver) -> None:
         """Stop expecting this person back."""
-        if timer := self._disconnected.pop(approver.name, None):
+        if timer := self._disconnected.pop(approver.person, None):
             timer.cancel()
 
-    def _did_not_return(self, name: str) -> None:
-        del self._disconnected[name]
+    def _did_not_return(self, person: str) -> None:
+        del self._disconnected[person]
         self._refuse_unanswerable()
 
     def _refuse_unanswerable(self) -> None:
@@ -200,7 +204,7 @@ class PermissionRequests:
     def has_approver(self, excluded: str | None = None) -> bool:
         """Whether somebody who may approve, other than `excluded`, is attached to the session or may still attach."""
         attached = self._approvers
-        return any(person.name != excluded for person in attached) or self._absent.may_attach(attached, excluded)
+        return any(approver.person != excluded for approver in attached) or self._absent.may_attach(attached, excluded)
 
     async def ask(
         self,
@@ -255,7 +259,7 @@ class PermissionRequests:
                 task.cancel()
 
     def _send(self, request: PermissionRequest, approver: Approver) -> None:
-        if approver.name == request.excluded:
+        if approver.person == request.excluded:
             return
         request.sent[approver] = self._spawn(self._await_answer(request, approver))
 

@@ -114,7 +114,7 @@ class Permission:
     async def _ask(self, call: ToolCall) -> Outcome:
         """Ask people, who see what the call would do. Raises `RefusedByRobot`; nobody has been asked then."""
         requests, tool = self.session.permission_requests, call.tool
-        excluded = self.asker.name if tool.name in self.four_eyes else None
+        excluded = self.asker.person if tool.name in self.four_eyes else None
         if self.robot.state and self.robot.state.stop:
             # The stop may have been released already: the state that the telemetry brought can be older than that.
             preview.refuse_if_stopped(tool, await self.robot.anew())

@@ -17,6 +17,8 @@ from typing import Any
 
 import sqlalchemy as sa
 
+from backend import private_files
+
 LOCK_RETRY_S = 0.05
 LOCK_PATIENCE_S = 5.0
 """How long a new agent waits for the lock: the server may not have noticed yet that the one before it died."""
@@ -74,7 +76,10 @@ def engine_for(database_url: str, *, alone: bool, serialise: Callable[[object], 
     if backend == "sqlite" and url.database and not url.database.startswith((":memory:", "file:")):
         file = Path(url.database)
     if file is not None:
-        file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        private_files.make_folder(file.parent)
+        for name in (file.name, f"{file.name}-wal", f"{file.name}-shm"):  # SQLite gives new ones the mode of the first
+            if name == file.name or file.with_name(name).exists():
+                private_files.restrict(file.with_name(name))
     # Errors go to the log, and the parameters of a statement contain what people said.
     engine = sa.create_engine(url, pool_pre_ping=True, hide_parameters=True, json_serializer=serialise)
     settings = {"sqlite": _SQLITE_SESSION, "postgresql": _POSTGRES_SESSION}.get(backend, ())
@@ -91,7 +96,9 @@ def engine_for(database_url: str, *, alone: bool, serialise: Callable[[object], 
             if alone and backend == "postgresql":
                 _take(lambda: _lock_postgres(connection))
             elif alone and file is not None:
-                record.info["lock"] = lock = file.with_name(f"{file.name}-agent").open("w")
+                lock_file = file.with_name(f"{file.name}-agent")
+                private_files.restrict(lock_file)
+                record.info["lock"] = lock = lock_file.open("r")
                 _take(lambda: _lock_file(lock))
         except BaseException:
             release(connection, record)

@@ -50,7 +50,7 @@ class Retention:
         return self._usage.of_session(session_id)
 
     async def admit(self, who: Identity, owner: str, more_bytes: int, *, new_session: bool = False) -> None:
-        """Let `who` add so many bytes to the sessions of `owner`, or a new session. Raises `QuotaExceeded`.
+        """Let `who` add so many bytes to the sessions of the person `owner`, or a new session. Raises `QuotaExceeded`.
 
         Of a visitor, the oldest sessions make room: a kiosk has nobody who would delete them.
         """
@@ -65,7 +65,7 @@ class Retention:
                 return
         max_bytes, max_sessions = self._limits.quota(who.role.value)
         used = self._usage.of_owner(owner)
-        mine = "Your sessions use" if owner == who.name else f"The sessions of {owner} use"
+        mine = "Your sessions use" if owner == who.person else "The sessions of this owner use"
         raise QuotaExceeded(
             f"{mine} {_mb(used.bytes)} of {_mb(max_bytes)}, in {used.sessions} of {max_sessions or 'any number of'} "
             "sessions: there is no room for this. Delete sessions that are no longer needed, or ask whoever runs the "

@@ -77,18 +77,21 @@ class Sessions:
         """The sessions in memory."""
         return list(self._open.values())
 
-    async def create(self, owner: str, cwd: str, mode: str, model: str) -> Session:
-        """A new session, which keeps the robot's pose at this moment as its start."""
+    async def create(self, owner: str, cwd: str, mode: str, model: str, owner_id: str | None = None) -> Session:
+        """A new session, which keeps the robot's pose at this moment as its start. `owner` is the owner's name,
+        `owner_id` the person."""
         now = time.time()
         pose = await self.robot_pose()
-        row = SessionRow(uuid.uuid4().hex, owner, None, cwd.replace("\0", ""), mode, model, pose, now, now)
+        row = SessionRow(
+            uuid.uuid4().hex, owner, None, cwd.replace("\0", ""), mode, model, pose, now, now, owner_id=owner_id
+        )
         self._usage.add_session(row)  # also where this is cancelled: an empty session is purged later
         await self._store.add_session(row)
         session = self._in_memory(row, History(), 0)
         self._open[session.id] = session
         return session
 
-    async def fork(self, session: Session, owner: str, cwd: str = "/") -> Session:
+    async def fork(self, session: Session, owner: str, cwd: str = "/", owner_id: str | None = None) -> Session:
         """A session of `owner` with the same events, up to the end of the last turn that has ended."""
         await session.flushed()
         ended = 0
@@ -97,7 +100,13 @@ class Sessions:
             ended = event.seq if turn.get("state") == "ended" else ended
         now = time.time()
         row = replace(
-            session.row, id=uuid.uuid4().hex, owner=owner, cwd=cwd.replace("\0", ""), created=now, updated=now
+            session.row,
+            id=uuid.uuid4().hex,
+            owner=owner,
+            owner_id=owner_id,
+            cwd=cwd.replace("\0", ""),
+            created=now,
+            updated=now,
         )
         self._hidden.add(row.id)
         try:
@@ -162,7 +171,7 @@ class Sessions:
         `before` is the (updated, id) of the last session of the page before. Each word of `search` is in the session's
         title or in its owner's name.
         """
-        owner = identity.name if identity.role == "visitor" else None
+        owner = identity.person if identity.role == "visitor" else None
         rows = await self._store.sessions(owner, before, PAGE, search)
         page: list[SessionRow] = []
         size = 0
@@ -307,5 +316,5 @@ class Sessions:
     @staticmethod
     def shows(session: Session, identity: Identity) -> bool:
         """Whether this person may see the session."""
-        own = session.row.owner == identity.name
+        own = session.row.person == identity.person
         return not session.deleted and (own or identity.role != "visitor" or identity.may(Right.TAKE_OVER))

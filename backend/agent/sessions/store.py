@@ -23,6 +23,7 @@ import sqlalchemy as sa
 
 from backend import meta as keys
 from backend.agent.sessions.database import StoreError, engine_for, prepare_vacuum, why
+from backend.identity import person_named
 
 log = logging.getLogger(__name__)
 
@@ -46,6 +47,7 @@ SESSIONS = sa.Table(
     _metadata,
     sa.Column("id", sa.String(64), primary_key=True),
     sa.Column("owner", _Text, nullable=False),
+    sa.Column("owner_id", _Text),  # NULL in sessions from before people had subjects
     sa.Column("title", _Text),
     sa.Column("cwd", _Text, nullable=False),
     sa.Column("mode", _Text, nullable=False),
@@ -74,6 +76,10 @@ _ROW = sa.select(
         for column in SESSIONS.c
     )
 )
+OWNER: sa.ColumnElement[str] = sa.func.coalesce(
+    SESSIONS.c.owner_id, sa.literal(person_named(""), sa.Text) + SESSIONS.c.owner
+)
+"""`SessionRow.person` in a query."""
 _T = TypeVar("_T")
 Changes = dict[str, dict[str, object]]
 """Session id -> column -> value."""
@@ -92,9 +98,10 @@ PAGE_BYTES = 4 * 1024 * 1024
 
 @dataclass(frozen=True)
 class SessionRow:
-    """A session without its events. Times are Unix seconds. `start_pose` is the result of the robot's pose tool when
-    the session began, None where the robot was not there. `thought` says whether turns begin with a preliminary
-    thought, `motion_asks` whether motion needs permission where the mode would allow it."""
+    """A session without its events. Times are Unix seconds. `owner` is the name of the owner, for people to read, and
+    `owner_id` the person, None in sessions from before people had subjects. `start_pose` is the result of the robot's
+    pose tool when the session began, None where the robot was not there. `thought` says whether turns begin with a
+    preliminary thought, `motion_asks` whether motion needs permission where the mode would allow it."""
 
     id: str
     owner: str
@@ -107,6 +114,12 @@ class SessionRow:
     updated: float
     thought: bool = True
     motion_asks: bool = False
+    owner_id: str | None = None
+
+    @property
+    def person(self) -> str:
+        """The owner, to compare with `Identity.person`."""
+        return self.owner_id or person_named(self.owner)
 
 
 @dataclass(frozen=True)
@@ -186,13 +199,13 @@ class Store:
     ) -> list[SessionRow]:
         """At most `limit` sessions that have at least one event, newest first.
 
-        They are those of `owner`, or everybody's where `owner` is None. `before` is the (updated, id) of the last
-        session of the page before. Each word of `search` is in the title or in the owner's name.
+        They are those of the person `owner`, or everybody's where `owner` is None. `before` is the (updated, id) of the
+        last session of the page before. Each word of `search` is in the title or in the owner's name.
         """
         has_events = sa.exists().where(EVENTS.c.session_id == SESSIONS.c.id)
         query = _ROW.where(has_events)
         if owner is not None:
-            query = query.where(SESSIONS.c.owner == owner)
+            query = query.where(owner == OWNER)
         for word in _clean(search).lower().split()[:MAX_WORDS]:
             columns = (SESSIONS.c.title, SESSIONS.c.owner)
             query = query.where(sa.or_(*(sa.func.lower(c).contains(word, autoescape=True) for c in columns)))
@@ -280,6 +293,7 @@ class Store:
     def _open(self) -> None:
         self._engine = engine_for(self._url, alone=self._writes, serialise=lambda value: as_json(value).decode())
         _metadata.create_all(self._engine)
+        _add_new_columns(self._engine)
         inspector = sa.inspect(self._engine)
         for table in _metadata.tables.values():
             found = {column["name"] for column in inspector.get_columns(table.name)}
@@ -372,6 +386,18 @@ class Store:
     async def run(self, work: Callable[[], _T]) -> _T:
         """Do `work` on the store's thread."""
         return await asyncio.get_running_loop().run_in_executor(self._thread, work)
+
+
+def _add_new_columns(engine: sa.Engine) -> None:
+    """Add the columns that a database of an earlier version lacks and that may be empty. Raises SQLAlchemy's errors."""
+    inspector = sa.inspect(engine)
+    for table in _metadata.tables.values():
+        found = {column["name"] for column in inspector.get_columns(table.name)}
+        for column in table.columns:
+            if column.nullable and column.name not in found:
+                kind = column.type.compile(engine.dialect)
+                with engine.begin() as connection:
+                    connection.execute(sa.text(f"ALTER TABLE {table.name} ADD COLUMN {column.name} {kind}"))
 
 
 def as_json(value: object) -> bytes:

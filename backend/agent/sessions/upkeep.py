@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import sqlalchemy as sa
 
 from backend.agent.sessions.database import vacuum_step
-from backend.agent.sessions.store import EVENTS, MAX_TEXT_CHARS, SESSIONS, Store
+from backend.agent.sessions.store import EVENTS, MAX_TEXT_CHARS, OWNER, SESSIONS, Store
 
 LARGE_BYTES = 4096
 """An event of more bytes may contain a photo or a sound."""
@@ -36,7 +36,7 @@ async def sizes(store: Store) -> list[SessionSize]:
     length = sa.func.length(EVENTS.c.update)
     columns = (
         SESSIONS.c.id,
-        sa.func.substr(SESSIONS.c.owner, 1, MAX_TEXT_CHARS),
+        sa.func.substr(OWNER, 1, MAX_TEXT_CHARS),
         SESSIONS.c.updated,
         sa.func.count(EVENTS.c.seq),
         sa.func.coalesce(sa.func.sum(length), 0),

@@ -14,8 +14,8 @@ from backend.agent.sessions.store import Event, SessionRow, Store
 
 @dataclass
 class SessionUse:
-    """What a session uses. `large_bytes` are those of events that may contain a photo or a sound; `updated` is the time
-    of its last event in Unix seconds."""
+    """What a session uses. `owner` is the person, `large_bytes` are those of events that may contain a photo or a sound,
+    `updated` is the time of its last event in Unix seconds."""
 
     id: str
     owner: str
@@ -57,8 +57,8 @@ class Usage:
 
     def add_session(self, row: SessionRow) -> None:
         """A session has begun."""
-        self._sessions[row.id] = SessionUse(row.id, row.owner, row.updated)
-        self._owners[row.owner].sessions += 1
+        self._sessions[row.id] = SessionUse(row.id, row.person, row.updated)
+        self._owners[row.person].sessions += 1
 
     def add_event(self, event: Event) -> None:
         """An event was appended. One of a session that was deleted counts for nobody."""

@@ -57,7 +57,7 @@ class ControlSocket:
             return None
         await websocket.accept()
         queue = ControlQueue()
-        with self._scene.viewers.viewer((login.identity.name, identifier)) as viewer:
+        with self._scene.viewers.viewer((login.identity.person, identifier)) as viewer:
             replaced = asyncio.Event()
             viewer.control_opened(queue, replaced.set)
             try:
@@ -84,7 +84,7 @@ class CameraMoved:
         identifier = viewer_id(request)
         if identifier is None:
             return invalid_id_response()
-        self._scene.viewers.camera_taken((login.identity.name, identifier))
+        self._scene.viewers.camera_taken((login.identity.person, identifier))
         return Response(status_code=204)
 
 

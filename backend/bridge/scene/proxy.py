@@ -106,7 +106,7 @@ class SceneSocket:
         if identifier is None:
             await refuse_invalid_id(websocket)
             return None
-        with self._scene.viewers.viewer((login.identity.name, identifier)) as viewer:
+        with self._scene.viewers.viewer((login.identity.person, identifier)) as viewer:
             return await self._relay(websocket, login, viewer)
 
     async def _relay(self, websocket: WebSocket, login: Login, viewer: Viewer) -> CloseReason:

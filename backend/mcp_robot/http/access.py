@@ -25,6 +25,8 @@ class Access:
     """Passes a request on, or answers it with 401 (token), 403 (Origin) or 421 (Host) and a sentence."""
 
     def __init__(self, app: ASGIApp, token: bytes, host: str) -> None:
+        if not token:
+            raise ValueError("without a token, everybody would be let in")
         self._app = app
         self._token = token
         self._names = own_names(host)

@@ -7,11 +7,11 @@ stands still. It is no certified safety function. Releasing it never restarts a 
 from __future__ import annotations
 
 import logging
-import os
 from pathlib import Path
 
 import msgspec
 
+from backend import private_files
 from backend.telemetry import Stop
 
 FILE = "stop.json"
@@ -64,13 +64,8 @@ class StopLatch:
     def _write(self, stop: Stop) -> None:
         # The robot is stopped already, whatever happens here; a full disk only costs the memory of it.
         try:
-            self._file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-            draft = self._file.with_suffix(".draft")
-            with draft.open("wb") as file:
-                file.write(msgspec.json.encode(stop))
-                file.flush()
-                os.fsync(file.fileno())
-            draft.replace(self._file)
+            private_files.make_folder(self._file.parent)
+            private_files.write(self._file, msgspec.json.encode(stop))
         except OSError as error:
             logger.error("The stop could not be written down, a restart would forget it: %s", error)
 

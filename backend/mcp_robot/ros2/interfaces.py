@@ -71,7 +71,7 @@ def generated(data_dir: Path, distro: Distro) -> Path | None:
     absent = [package for package in PACKAGES if importlib.util.find_spec(package) is None]
     if not absent:
         return None
-    folder = cache_folder(data_dir) / f"{distro}-{_key(distro, absent)}"
+    folder = cache_folder(data_dir).absolute() / f"{distro}-{_key(distro, absent)}"
     with _lock(folder):
         if not folder.is_dir():
             _make(folder, distro, absent)
@@ -185,7 +185,10 @@ def _build(scratch: Path, package: str, distro: Distro, made: Path) -> tuple[sub
         'set -e; log=$1; build=$2; shift 2; "$@" >"$log" 2>&1; "$1" --build "$build" --target install >>"$log" 2>&1'
     )
     command = ["sh", "-c", script, "sh", str(log), str(build), *configure, *options]
-    process = subprocess.Popen(command, env=environment, stdin=subprocess.DEVNULL, start_new_session=True)  # noqa: S603
+    # In a folder of ours: the generators are Python modules, which Python looks for in the current folder first.
+    process = subprocess.Popen(  # noqa: S603
+        command, cwd=scratch, env=environment, stdin=subprocess.DEVNULL, start_new_session=True
+    )
     return process, log
 
 

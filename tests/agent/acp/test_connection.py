@@ -11,7 +11,7 @@ import pytest
 from acp.router import MessageRouter
 
 from backend.agent.acp.connection import ClientConnection
-from tests.processes import PATIENCE_S, Robot
+from tests.processes import PATIENCE_S, Robot, trusted
 
 HELLO = {"jsonrpc": "2.0", "id": 1, "method": "initialize", "params": {"protocolVersion": 1}}
 
@@ -109,7 +109,7 @@ async def test_what_is_said_in_one_breath_with_leaving_is_begun() -> None:
     said = [HELLO, *({"jsonrpc": "2.0", "method": f"_lab/{number}"} for number in range(3))]
     reader.feed_data(b"".join(json.dumps(message).encode() + b"\n" for message in said))
     reader.feed_eof()
-    await ClientConnection(reader, writer, local=True, max_outbox_bytes=2**20).serve(router)
+    await ClientConnection(reader, writer, trusted=trusted, max_outbox_bytes=2**20).serve(router)
     assert begun == ["lab/0", "lab/1", "lab/2"]
     theirs.close()
 

@@ -15,7 +15,7 @@ from acp.router import MessageRouter
 
 from backend.agent.acp.connection import ClientConnection
 from backend.agent.acp.dispatch import AnswerThen
-from tests.processes import PATIENCE_S, eventually
+from tests.processes import PATIENCE_S, eventually, trusted
 
 HELLO = {"jsonrpc": "2.0", "id": 0, "method": "initialize", "params": {"protocolVersion": 1}}
 
@@ -62,7 +62,7 @@ class Served:
 
     async def start(self, ours: socket.socket) -> None:
         reader, writer = await asyncio.open_connection(sock=ours)
-        self.connection = ClientConnection(reader, writer, local=True, max_outbox_bytes=2**20)
+        self.connection = ClientConnection(reader, writer, trusted=trusted, max_outbox_bytes=2**20)
         self.serving = asyncio.create_task(self.connection.serve(self.router))
         self.reader, self.writer = await asyncio.open_connection(sock=self.client)
         self.send(HELLO)

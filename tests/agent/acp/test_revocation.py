@@ -15,7 +15,7 @@ from backend.agent.acp.connection import ClientConnection
 from backend.chat.link import RefusedError
 from backend.identity import Role
 from tests.agent.conftest import Opener
-from tests.processes import PATIENCE_S, Client, Robot, eventually
+from tests.processes import PATIENCE_S, Client, Robot, eventually, trusted
 
 
 async def test_a_revoked_connection_is_closed_and_others_stay(robot: Robot, connect: Opener) -> None:
@@ -95,7 +95,7 @@ async def test_a_revoked_connection_that_reads_nothing_is_cut_off() -> None:
     ended = asyncio.Event()
 
     async def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        connection = ClientConnection(reader, writer, local=True, max_outbox_bytes=64 * 1024 * 1024)
+        connection = ClientConnection(reader, writer, trusted=trusted, max_outbox_bytes=64 * 1024 * 1024)
         serving = asyncio.create_task(connection.serve(MessageRouter()))
         connection.deliver(b"x" * 32 * 1024 * 1024)  # more than the sockets on the way hold
         await connection.dismiss()

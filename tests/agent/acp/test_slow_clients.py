@@ -30,7 +30,7 @@ from backend.config import Settings
 from backend.identity import Identity, Role
 from backend.robot_server import RobotServerClient
 from backend.telemetry import Battery, Pose, State, Twist
-from tests.processes import PATIENCE_S, Client, Robot, eventually
+from tests.processes import PATIENCE_S, Client, Robot, eventually, trusted
 
 OUTBOX_BYTES = 4 * 1024 * 1024
 PICTURE = base64.b64encode(bytes(900_000)).decode()
@@ -286,7 +286,7 @@ async def test_old_telemetry_does_not_pile_up_for_a_client_that_does_not_read() 
     served = asyncio.Event()
 
     async def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        connection = ClientConnection(reader, writer, local=True, max_outbox_bytes=OUTBOX_BYTES)
+        connection = ClientConnection(reader, writer, trusted=trusted, max_outbox_bytes=OUTBOX_BYTES)
         connection.identity = Identity("Ana", Role.VIEWER)
         serving = asyncio.create_task(connection.serve(MessageRouter()))
         feed = TelemetryFeed(cast(Wiring, wiring), connection, MAX_HZ)

@@ -21,7 +21,7 @@ class Person:
     """Somebody who may approve, and answers when the test says so."""
 
     def __init__(self, name: str) -> None:
-        self.name = name
+        self.name = self.person = name
         self.asked: asyncio.Future[Any] | None = None
         self.offered: list[str] = []
         self.withdrawn = False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from backend.agent.sessions.store import Event, SessionRow, Store, as_json
+from backend.identity import person_named
 
 NOW = 1_795_246_000.123456
 ROW = SessionRow("s1", "Ana", None, "/", "supervised", "offline/commands", None, NOW, NOW)
@@ -21,7 +22,7 @@ async def listed(store: Store, owner: str | None = None, page: int = 50, search:
     """The ids of the list, read page by page."""
     found: list[str] = []
     before: tuple[float, str] | None = None
-    while rows := await store.sessions(owner, before, page, search):
+    while rows := await store.sessions(person_named(owner) if owner else None, before, page, search):
         found += [row.id for row in rows]
         before = (rows[-1].updated, rows[-1].id)
     return found

@@ -30,8 +30,8 @@ from backend.chat.link import RefusedError
 from backend.config import Settings
 from backend.identity import Role
 from backend.robot_server import RobotServerClient
-from backend.tokens import Registry, create
-from tests.processes import PATIENCE_S, Client, eventually, free_port
+from backend.tokens import Registry
+from tests.processes import PATIENCE_S, Client, eventually, free_port, token_of, trusted
 
 
 class Reader(ClientConnection):
@@ -102,7 +102,10 @@ class Place:
         return [session for session in self.sessions.open_sessions if session.watching]
 
     async def authenticate(self, name: str, role: Role) -> None:
-        login = {"methodId": "token", "_meta": {"robot-acp/token": create(self.data, name, role, 60.0)}}
+        login = {
+            "methodId": "token",
+            "_meta": {"robot-acp/token": token_of(self.data, name, role, 60.0)},
+        }
         await self.client.link.request("authenticate", login)
 
 
@@ -122,7 +125,7 @@ async def a_place(data: Path) -> AsyncIterator[Place]:
     )
 
     async def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        connection = Reader(reader, writer, local=True, max_outbox_bytes=2**20)
+        connection = Reader(reader, writer, trusted=trusted, max_outbox_bytes=2**20)
         connection.may_go_on = may_go_on
         server = Operations(wiring, connection)
         try:

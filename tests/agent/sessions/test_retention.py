@@ -19,7 +19,7 @@ from backend.agent.sessions.sessions import Sessions
 from backend.agent.sessions.store import Event, Store, as_json
 from backend.agent.sessions.usage import Usage
 from backend.config import Storage
-from backend.identity import Identity, Role
+from backend.identity import Identity, Role, person_named
 from tests.agent.sessions.stores import ROW, listed
 from tests.agent.sessions.test_journal import Watcher
 
@@ -90,31 +90,31 @@ async def test_what_is_counted_is_what_is_in_the_database(kept: Kept) -> None:
     await fresh.read(kept.store)
     assert {u.id: (u.owner, u.events, u.bytes, u.large_bytes) for u in fresh.oldest_first()} == counted
     assert fresh.bytes == whole > 20_000
-    assert [fresh.of_owner(name).sessions for name in ("Ana", "Ben", "Cleo")] == [1, 0, 1]
+    assert [fresh.of_owner(person_named(name)).sessions for name in ("Ana", "Ben", "Cleo")] == [1, 0, 1]
 
 
 async def test_an_operator_over_the_quota_is_asked_to_delete_and_then_has_room(kept: Kept) -> None:
     retention = kept.limited(operator_bytes=10_000)
     session = await kept.sessions.create("Ana", "/", "observe", "offline/commands")
-    await retention.admit(ANA, "Ana", 4000)
+    await retention.admit(ANA, ANA.person, 4000)
     session.record(said(7000))
     await session.flushed()
     with pytest.raises(QuotaExceeded, match="Delete sessions that are no longer needed"):
-        await retention.admit(ANA, "Ana", 4000)
-    await retention.admit(Identity("Ben", Role.OPERATOR), "Ben", 4000)  # others have their own
-    await retention.admit(Identity("Olga", Role.SUPERVISOR), "Ana", 4000)  # a supervisor may go on in it
+        await retention.admit(ANA, ANA.person, 4000)
+    await retention.admit(Identity("Ben", Role.OPERATOR), "name:Ben", 4000)  # others have their own
+    await retention.admit(Identity("Olga", Role.SUPERVISOR), ANA.person, 4000)  # a supervisor may go on in it
     await kept.sessions.delete(session)
-    await retention.admit(ANA, "Ana", 4000)
+    await retention.admit(ANA, ANA.person, 4000)
 
 
 async def test_the_number_of_sessions_is_limited_too(kept: Kept) -> None:
     retention = kept.limited(operator_sessions=2)
     for _ in range(2):
-        await retention.admit(ANA, "Ana", 0, new_session=True)
+        await retention.admit(ANA, ANA.person, 0, new_session=True)
         await kept.sessions.create("Ana", "/", "observe", "offline/commands")
     with pytest.raises(QuotaExceeded, match="in 2 of 2 sessions"):
-        await retention.admit(ANA, "Ana", 0, new_session=True)
-    await retention.admit(ANA, "Ana", 100)  # a prompt in one of them
+        await retention.admit(ANA, ANA.person, 0, new_session=True)
+    await retention.admit(ANA, ANA.person, 100)  # a prompt in one of them
 
 
 async def test_a_visitors_oldest_sessions_make_room_and_one_in_use_never_does(kept: Kept) -> None:
@@ -126,10 +126,10 @@ async def test_a_visitors_oldest_sessions_make_room_and_one_in_use_never_does(ke
     assert in_use is not None
     await in_use.attach(Watcher([]))
     retention = kept.limited(visitor_bytes=10_000)
-    await retention.admit(KIOSK, "Kiosk", 3000)
+    await retention.admit(KIOSK, KIOSK.person, 3000)
     assert sorted(await listed(kept.store)) == ["ana", "old0", "old4"]
     with pytest.raises(QuotaExceeded):
-        await retention.admit(KIOSK, "Kiosk", 9000)
+        await retention.admit(KIOSK, KIOSK.person, 9000)
 
 
 async def enforced(kept: Kept, **limits: Any) -> list[str]:

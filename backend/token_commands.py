@@ -1,0 +1,146 @@
+"""The commands `robot-acp token` and `robot-acp key`: their arguments, and one short function for each.
+
+No token is printed but by `token create`, and no key at all. What takes long to import is imported in the functions, so
+that `robot-acp --help` does not wait for it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from datetime import UTC, datetime, tzinfo
+from typing import TYPE_CHECKING, Any
+
+from backend.identity import Role
+
+if TYPE_CHECKING:
+    from backend import config, tokens
+
+MAX_NAME_CHARS = 60
+
+
+def add_to(commands: Any) -> None:
+    """Add `token` and `key` to the commands of a parser."""
+    _add_token(commands.add_parser("token", help="login tokens: create, list, revoke"))
+    _add_key(commands.add_parser("key", help="the key that signs login tokens"))
+
+
+def _add_token(parser: argparse.ArgumentParser) -> None:
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    create = commands.add_parser("create", help="print a new login token; `chat` reads it from ROBOT_ACP_TOKEN")
+    create.add_argument("--name", required=True, type=_name, help="who it is for")
+    create.add_argument("--role", required=True, choices=[role.value for role in Role])
+    create.add_argument(
+        "--expires",
+        type=_lifetime,
+        default="7d",
+        metavar="WHEN",
+        help="after 30m, 12h or 7d, or at the end of a day: 2027-01-31 (default: 7d)",
+    )
+    create.add_argument(
+        "--same-person", action="store_true", help="a further token of the person who has this name already"
+    )
+    create.set_defaults(run=_create)
+
+    listing = commands.add_parser("list", help="who has a token, and whether it is valid; never the token itself")
+    listing.add_argument("--json", action="store_true", help="print them as JSON")
+    listing.set_defaults(run=_list)
+
+    revoke = commands.add_parser("revoke", help="end a login, also where it is in use now")
+    revoke.add_argument("id_or_name", metavar="ID_OR_NAME", help="one token by its id, or all of somebody's")
+    revoke.set_defaults(run=_revoke)
+
+
+def _add_key(parser: argparse.ArgumentParser) -> None:
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    rotate = commands.add_parser("rotate", help="make a new key, when others may know this one, or from time to time")
+    rotate.add_argument(
+        "--old-until",
+        type=_end,
+        default="7d",
+        metavar="WHEN",
+        help="how long tokens of the old key are accepted: 30m, 12h, 7d, a date, or `now` (default: 7d)",
+    )
+    rotate.set_defaults(run=_rotate)
+
+
+def _name(text: str) -> str:
+    name = text.strip()
+    if not name or not name.isprintable() or len(name) > MAX_NAME_CHARS:
+        raise argparse.ArgumentTypeError(f"a name is 1 to {MAX_NAME_CHARS} characters on one line")
+    return name
+
+
+def _lifetime(text: str) -> float:
+    from backend import tokens
+
+    try:
+        return tokens.lifetime(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def _end(text: str) -> float:
+    """The Unix time at which a lifetime that begins now ends."""
+    return time.time() + (0.0 if text == "now" else _lifetime(text))
+
+
+def _create(settings: config.Settings, options: argparse.Namespace) -> int:
+    from backend import tokens  # see above
+
+    role, same_person = Role(options.role), options.same_person
+    print(tokens.create(settings.data_dir, options.name, role, options.expires, same_person=same_person))
+    return 0
+
+
+def _list(settings: config.Settings, options: argparse.Namespace) -> int:
+    from backend import tokens  # see above
+
+    records = tokens.records(settings.data_dir)
+    if options.json:
+        print(json.dumps([_columns(record, "seconds", UTC) for record in records], indent=2, ensure_ascii=False))
+    elif not records:
+        print("There are no login tokens yet. `robot-acp token create` makes one.")
+    else:
+        rows = [_columns(record, "minutes") for record in records]
+        widths = {column: max(len(column), *(len(row[column]) for row in rows)) for column in rows[0]}
+        for row in ({column: column.upper() for column in widths}, *rows):
+            print("  ".join(row[column].ljust(width) for column, width in widths.items()).rstrip())
+    return 0
+
+
+def _columns(record: tokens.Record, precision: str, zone: tzinfo | None = None) -> dict[str, str]:
+    """A token as `token list` shows it, with times in `zone`; None is the time zone of this computer."""
+    created, expires = (
+        datetime.fromtimestamp(when, zone).isoformat(" " if zone is None else "T", precision)
+        for when in (record.created, record.expires)
+    )
+    who = {"id": record.id, "name": record.name, "role": record.role.value}
+    return who | {"created": created, "expires": expires, "state": record.state}
+
+
+def _revoke(settings: config.Settings, options: argparse.Namespace) -> int:
+    from backend import tokens  # see above
+
+    revoked = tokens.revoke(settings.data_dir, options.id_or_name)
+    for record in revoked:
+        print(f"Revoked {record.id} of {record.name} ({record.role.value}).")
+    if len(revoked) > 1:
+        print(f"These were all valid tokens of {options.id_or_name}.")
+    if not revoked:
+        print(f"Nothing to do: no token of {options.id_or_name} is valid any more.")
+    return 0
+
+
+def _rotate(settings: config.Settings, options: argparse.Namespace) -> int:
+    from backend import tokens  # see above
+
+    count = tokens.rotate_key(settings.data_dir, options.old_until)
+    print("There is a new signing key. No process has to be started again.")
+    if options.old_until > time.time():
+        end = datetime.fromtimestamp(options.old_until).isoformat(" ", "minutes")
+        print(f"Tokens that were valid until now: {count}. They are accepted until {end} at the longest.")
+    else:
+        print(f"Tokens that are revoked now: {count}. Make new ones with `robot-acp token create --same-person`.")
+    return 0
