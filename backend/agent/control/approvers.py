@@ -2,8 +2,8 @@
 
 Everyone attached to the session who may approve is asked, and the first valid answer counts. Only an `allow_*` option
 that was offered allows the call. A rejection, an invalid answer, no answer in time, and nobody to ask all refuse it. As
-soon as one person has answered, the request is withdrawn from the others. Whether people are asked at all is decided
-in `permission.py`.
+soon as one person has answered, the request is withdrawn from the others. Where two people have to agree, only somebody
+else than the asker is asked, and tokens prove both. Whether people are asked at all is decided in `permission.py`.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from acp.schema import RequestPermissionResponse
 from pydantic import ValidationError
 
 from backend import meta as keys
+from backend.identity import Identity
 
 log = logging.getLogger(__name__)
 
@@ -37,6 +38,10 @@ class Approver(Protocol):
     @property
     def name(self) -> str:
         """The name of the person, for people."""
+
+    @property
+    def identity(self) -> Identity | None:
+        """Who is logged in at this moment; None for nobody."""
 
     @property
     def may_approve(self) -> bool:
@@ -73,6 +78,11 @@ class Outcome:
                 return "refused: nobody is there who may allow it"
 
 
+def may_answer(person: Identity | None, other_than: Identity | None) -> bool:
+    """Whether `person` may answer a request. `other_than` is the asker where two people have to agree, else None."""
+    return other_than is None or (person is not None and person.is_somebody_else(other_than))
+
+
 def options(subject: str, *, once: bool = False) -> list[dict[str, str]]:
     """The four options of a permission request, named for people; with `once`, only the two that count for this call.
 
@@ -95,14 +105,22 @@ def read_answer(result: Any, offered: Collection[str] = OPTION_KINDS) -> str | N
 
 @dataclass(eq=False)
 class PermissionRequest:
-    """One pending permission request. `excluded` is the name of a person who is not asked, because two people have to
-    agree and this one asked for the call."""
+    """One pending permission request. `other_than` is the asker where two people have to agree, so that only somebody
+    else may answer; None where everybody may who approves."""
 
     params: dict[str, Any]
     outcome: asyncio.Future[Outcome]
-    excluded: str | None = None
+    other_than: Identity | None = None
     sent: dict[Approver, asyncio.Task[None]] = field(default_factory=dict)
     """The connections that the request was sent to and that have not answered it."""
+
+
+_Person = tuple[str, bool]
+"""A name, and whether a token proves it: a client without a token may have the name of somebody with one."""
+
+
+def _person(who: Identity) -> _Person:
+    return who.name, who.proven
 
 
 class AbsentApprovers:
@@ -116,32 +134,33 @@ class AbsentApprovers:
     def __init__(self, everybody: Callable[[], Iterable[Approver]] = tuple, grace_s: float = GRACE_S) -> None:
         self._everybody = everybody
         self._grace_s = grace_s
-        self._disconnected: dict[str, asyncio.TimerHandle] = {}
-        """People who disconnected a moment ago, by name, and the timer that ends their time to return."""
+        self._disconnected: dict[_Person, tuple[Identity, asyncio.TimerHandle]] = {}
+        """People who disconnected a moment ago, and the timer that ends their time to return."""
         self.waiting: set[PermissionRequests] = set()
         """The sessions that have a pending request."""
 
-    def may_attach(self, attached: Collection[Approver], excluded: str | None) -> bool:
-        """Whether somebody who may approve, other than `excluded`, is not among `attached` and may still attach."""
-        elsewhere = (person.name for person in self._everybody() if person.may_approve and person not in attached)
-        return any(name != excluded for name in (*self._disconnected, *elsewhere))
+    def may_attach(self, attached: Collection[Approver], other_than: Identity | None) -> bool:
+        """Whether somebody is not among `attached` and may still attach whose answer would count: see `may_answer`."""
+        elsewhere = (person.identity for person in self._everybody() if person.may_approve and person not in attached)
+        expected = (who for who, _ in self._disconnected.values())
+        return any(may_answer(who, other_than) for who in (*expected, *elsewhere))
 
     def disconnected(self, approver: Approver) -> None:
         """Expect this person back for `grace_s` seconds, provided that their answer would still count."""
         self.returned(approver)
-        if approver.may_approve:
-            timer = asyncio.get_running_loop().call_later(self._grace_s, self._did_not_return, approver.name)
-            self._disconnected[approver.name] = timer
+        if (who := approver.identity) and approver.may_approve:
+            timer = asyncio.get_running_loop().call_later(self._grace_s, self._did_not_return, _person(who))
+            self._disconnected[_person(who)] = who, timer
         else:
             self._refuse_unanswerable()
 
     def returned(self, approver: Approver) -> None:
         """Stop expecting this person back."""
-        if timer := self._disconnected.pop(approver.name, None):
-            timer.cancel()
+        if (who := approver.identity) and (expected := self._disconnected.pop(_person(who), None)):
+            expected[1].cancel()
 
-    def _did_not_return(self, name: str) -> None:
-        del self._disconnected[name]
+    def _did_not_return(self, person: _Person) -> None:
+        del self._disconnected[person]
         self._refuse_unanswerable()
 
     def _refuse_unanswerable(self) -> None:
@@ -193,14 +212,15 @@ class PermissionRequests:
         An attached person with whom it is no longer pending has given an answer that does not count.
         """
         for request in self._pending:
-            answerable = request.sent or self._absent.may_attach(self._approvers, request.excluded)
+            answerable = request.sent or self._absent.may_attach(self._approvers, request.other_than)
             if not answerable and not request.outcome.done():
                 request.outcome.set_result(Outcome(False, "nobody"))
 
-    def has_approver(self, excluded: str | None = None) -> bool:
-        """Whether somebody who may approve, other than `excluded`, is attached to the session or may still attach."""
+    def has_approver(self, other_than: Identity | None = None) -> bool:
+        """Whether somebody is attached to the session, or may still attach, whose answer counts: see `may_answer`."""
         attached = self._approvers
-        return any(person.name != excluded for person in attached) or self._absent.may_attach(attached, excluded)
+        counts = any(may_answer(person.identity, other_than) for person in attached)
+        return counts or self._absent.may_attach(attached, other_than)
 
     async def ask(
         self,
@@ -208,17 +228,18 @@ class PermissionRequests:
         tool_call: dict[str, Any],
         subject: str,
         asker: str,
-        excluded: str | None = None,
+        other_than: Identity | None = None,
         preview: dict[str, Any] | None = None,
     ) -> Outcome:
-        """Ask everyone who may approve, other than `excluded`, and return how the request ended.
+        """Ask everyone who may approve, and return how the request ended.
 
-        With `excluded`, two people have to agree on this one call, so the options that count for the whole session are
-        not offered. `subject` names what an "always" would count for; `preview` is the `_meta` that tells what the
-        call would do. The request ends with the first valid answer, at the latest after `timeout_s` seconds.
-        Cancelling this withdraws the request from everyone.
+        With `other_than`, which is the asker, two people have to agree on this one call: only somebody else may answer
+        (see `may_answer`), and the options that count for the whole session are not offered. `subject` names what an
+        "always" would count for; `preview` is the `_meta` that tells what the call would do. The request ends with the
+        first valid answer, at the latest after `timeout_s` seconds. Cancelling this withdraws the request from
+        everyone.
         """
-        if not self.has_approver(excluded):
+        if not self.has_approver(other_than):
             return Outcome(False, "nobody")
         expires = datetime.now(UTC) + timedelta(seconds=self.timeout_s)
         meta: dict[str, Any] = {
@@ -232,10 +253,10 @@ class PermissionRequests:
         params = {
             "sessionId": session_id,
             "toolCall": tool_call,
-            "options": options(subject, once=excluded is not None),
+            "options": options(subject, once=other_than is not None),
             "_meta": meta,
         }
-        return await self._outcome(PermissionRequest(params, asyncio.get_running_loop().create_future(), excluded))
+        return await self._outcome(PermissionRequest(params, asyncio.get_running_loop().create_future(), other_than))
 
     async def _outcome(self, request: PermissionRequest) -> Outcome:
         self._pending.append(request)
@@ -255,16 +276,17 @@ class PermissionRequests:
                 task.cancel()
 
     def _send(self, request: PermissionRequest, approver: Approver) -> None:
-        if approver.name == request.excluded:
+        if not may_answer(approver.identity, request.other_than):
             return
         request.sent[approver] = self._spawn(self._await_answer(request, approver))
 
     async def _await_answer(self, request: PermissionRequest, approver: Approver) -> None:
         try:
             answer = await approver.request("session/request_permission", request.params)
-            # The person's rights can have changed since the request was sent.
+            # The rights, and the person, can have changed since the request was sent.
             offered = [option["optionId"] for option in request.params["options"]]
-            option = read_answer(answer, offered) if approver.may_approve else None
+            counts = approver.may_approve and may_answer(approver.identity, request.other_than)
+            option = read_answer(answer, offered) if counts else None
         except ConnectionError:
             if request.sent.pop(approver, None) and approver in self._approvers:
                 self._absent.disconnected(approver)
