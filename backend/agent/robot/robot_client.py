@@ -28,6 +28,8 @@ RETRY_S = 1.0
 REST_TIMEOUT_S = 5.0
 STALE_S = 2.0
 """States come twenty times a second: after so long without one the latest state is no longer valid."""
+ASK_AGAIN_S = 0.1
+"""A robot server that does not answer is asked again after so many seconds how the robot is."""
 PREVIEW_TIMEOUT_S = 1.0
 
 _CONNECTION_ERRORS = (OSError, WebSocketException, msgspec.DecodeError)
@@ -58,7 +60,6 @@ class RobotClient:
         self._base = f"http://{urlsplit(mcp_url).netloc}" if mcp_url else None
         self._headers = {"Authorization": f"Bearer {bearer}"} if bearer else {}
         self.state: telemetry.State | None = None
-        self._silent = False
         self._news = asyncio.Condition()
         self._watchers: set[Watcher] = set()
         self._stopping: set[asyncio.Task[dict[str, Any]]] = set()
@@ -106,10 +107,10 @@ class RobotClient:
     async def _fall_silent(self) -> None:
         if self.state is not None:
             log.warning("the robot server has sent nothing for %g s; its connection is still open", self._stale_after)
-        await self._set(None, silent=True)
+        await self._set(None)
 
-    async def _set(self, state: telemetry.State | None, *, silent: bool = False) -> None:
-        self.state, self._silent = state, silent
+    async def _set(self, state: telemetry.State | None) -> None:
+        self.state = state
         for watcher in list(self._watchers):
             watcher(state)
         async with self._news:
@@ -130,27 +131,40 @@ class RobotClient:
                             return message
         return None
 
-    async def at_rest(self) -> None:
-        """Return when the robot stands still and follows no goal; at once when it is not connected.
+    @property
+    def reports_motion(self) -> bool:
+        """Whether the robot says how it moves. A robot server of another make does not."""
+        return self._base is not None or self.state is not None
 
-        A robot that is silent on an open connection does not count as at rest: it may be driving.
+    async def at_rest(self) -> bool:
+        """Whether the robot stands still and follows no goal. Waits for it, `rest_timeout` s at most.
+
+        A robot without telemetry does not count as at rest: it may be driving.
         """
-        with contextlib.suppress(TimeoutError):
+        try:
             async with asyncio.timeout(self._rest_timeout):
-                if self.state is None and not self._silent:
-                    return
-                now = await self.anew()
+                since = await self._now()
                 async with self._news:
                     await self._news.wait()  # the present state is older than this call
-                    await self._news.wait_for(lambda: self._resting(now.time if now else -math.inf))
-                return
-        log.error("the robot is not at rest %g s after the halt", self._rest_timeout)
+                    await self._news.wait_for(lambda: self._resting(since))
+                return True
+        except TimeoutError:
+            log.error("the robot is not known to be at rest %g s after the halt", self._rest_timeout)
+            return False
+
+    async def _now(self) -> float:
+        """The time of this moment, in s of the robot's clock. Waits until the robot server answers."""
+        while self._base is not None:
+            if state := await self.anew():
+                return state.time
+            await asyncio.sleep(ASK_AGAIN_S)
+        return -math.inf
 
     def _resting(self, since: float) -> bool:
         """Whether the robot is at rest in a state of `since` (s of its clock) or later."""
         state = self.state
         if state is None:
-            return not self._silent
+            return False
         return state.time >= since and state.motion is None and state.twist.linear == 0 and state.twist.angular == 0
 
     async def stop(self, by: str) -> dict[str, Any]:
