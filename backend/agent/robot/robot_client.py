@@ -10,8 +10,8 @@ import asyncio
 import contextlib
 import logging
 import math
-from collections.abc import AsyncIterator, Callable
-from typing import Any
+from collections.abc import AsyncIterator, Callable, Coroutine
+from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
 import httpx
@@ -35,6 +35,7 @@ PREVIEW_TIMEOUT_S = 1.0
 _CONNECTION_ERRORS = (OSError, WebSocketException, msgspec.DecodeError)
 """The errors with which a telemetry connection ends."""
 
+_Answer = TypeVar("_Answer")
 Watcher = Callable[["telemetry.State | None"], None]
 
 
@@ -62,7 +63,8 @@ class RobotClient:
         self.state: telemetry.State | None = None
         self._news = asyncio.Condition()
         self._watchers: set[Watcher] = set()
-        self._stopping: set[asyncio.Task[dict[str, Any]]] = set()
+        self._requests: set[asyncio.Task[Any]] = set()
+        """Requests that go on although nobody waits for them any more."""
 
     def watch(self, watcher: Watcher) -> Callable[[], None]:
         """Call `watcher` on each new state, and with None when the robot is lost; returns how to end that."""
@@ -170,22 +172,33 @@ class RobotClient:
     async def stop(self, by: str) -> dict[str, Any]:
         """Latch the stop in the robot server. Cancelling the caller does not cancel the request. Raises
         `RobotError`."""
-        stopping = asyncio.create_task(self._post("/stop", by), name="stop")
-        self._stopping.add(stopping)
-        stopping.add_done_callback(self._stopping.discard)
-        return await asyncio.shield(stopping)
+        return await self._outlasting(self._post("/stop", by))
 
     async def release(self, by: str) -> dict[str, Any]:
         """Release the stop. Raises `RobotError`."""
         return await self._post("/release", by)
 
     async def forget_preview(self, own: str) -> None:
-        """Withdraw the preview with this id. A failure is logged and not raised: a preview ends by itself, too."""
-        if self._base is None:
-            return
+        """Withdraw the preview with this id. Cancelling the caller does not cancel the request. A failure is logged and
+        not raised: a preview ends by itself, too."""
+        if self._base is not None:
+            await self._outlasting(self._delete(f"{self._base}/preview/{own}"))
+
+    async def _outlasting(self, request: Coroutine[Any, Any, _Answer]) -> _Answer:
+        """Wait for a request that goes on when the caller is cancelled.
+
+        So a cancel of the caller is never lost, as it could be inside the HTTP client: anyio takes one that comes when
+        the connection has just been made for its own.
+        """
+        task = asyncio.create_task(request)
+        self._requests.add(task)
+        task.add_done_callback(self._requests.discard)
+        return await asyncio.shield(task)
+
+    async def _delete(self, url: str) -> None:
         try:
             async with httpx.AsyncClient(headers=self._headers, timeout=PREVIEW_TIMEOUT_S, trust_env=False) as client:
-                await client.delete(f"{self._base}/preview/{own}")
+                await client.delete(url)
         except httpx.HTTPError as error:
             log.info("the preview could not be taken back: %s", type(error).__name__)
 
