@@ -57,12 +57,14 @@ class Approver(Protocol):
 @dataclass(frozen=True)
 class Outcome:
     """How a permission request ended. `allowed` is true only where an `allow_*` option was chosen, `option` is the
-    chosen option, and `by` the name of the person who chose it."""
+    chosen option, and `by` the name of the person who chose it. `fingerprint` is that of the tool for which the option
+    counts for the rest of the session; None where it counts for one call."""
 
     allowed: bool
     reason: Reason
     option: str | None = None
     by: str | None = None
+    fingerprint: str | None = None
 
     @property
     def refusal(self) -> str:

@@ -8,7 +8,7 @@ of a person lets a call run, and whoever calls this must run no call without its
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from backend.agent.acp import updates
@@ -117,8 +117,9 @@ class Permission:
             await self.robot.forget_preview(call_id)
 
     def _remembered(self, tool: Tool) -> Outcome | None:
-        """The answer that was chosen for the rest of the session. An "allow" never counts for a tool of four eyes."""
-        allowed = self.session.remembered.get(tool.name)
+        """The answer that was chosen for the rest of the session, for this very tool: not for another server under the
+        same name, nor for other parameters. An "allow" never counts for a tool of four eyes."""
+        allowed = self.session.history.answer_for(tool.fingerprint)
         if allowed is None or (allowed and self._needs_two(tool)):
             return None
         return Outcome(allowed, "remembered", "allow_always" if allowed else "reject_always")
@@ -140,7 +141,10 @@ class Permission:
         announced = updates.tool_call(call.id, tool, call.arguments, "pending")
         del announced["sessionUpdate"]
         with self.phases.during("person"):
-            return await requests.ask(self.session.id, announced, tool.title, self.asker.name, other_than, path)
+            outcome = await requests.ask(self.session.id, announced, tool.title, self.asker.name, other_than, path)
+        if outcome.option is not None and outcome.option.endswith("_always"):
+            return replace(outcome, fingerprint=tool.fingerprint)
+        return outcome
 
     async def _preview(self, call: ToolCall) -> dict[str, Any] | None:
         """What people are told of the path; None where the tool has no preview. Raises `RefusedByRobot`."""

@@ -172,7 +172,7 @@ async def test_nor_after_a_restart(database: Database, monkeypatch: pytest.Monke
     monkeypatch.setattr(Sessions, "robot_pose", nowhere)
     async with wiring(database) as sessions:
         session = await sessions.create("Ana", "/", "supervised", "offline/commands")
-        outcome = Outcome(True, "selected", "allow_always", "Ana")
+        outcome = Outcome(True, "selected", "allow_always", "Ana", "f1")
         session.record(updates.user_message(updates.text_block("say hello"), "Ana", "t"))
         session.record(updates.tool_call("t.1", SPEAK, {}, "pending"))
         session.record(updates.tool_status("t.1", "completed", outcome=outcome))
