@@ -40,8 +40,8 @@ class Question:
                 if not key or key in options:  # a second one of its kind, or one of a kind that is not known
                     key = str(sum(known.isdigit() for known in options) + 1)
                 options[key] = option_id, _line(option.get("name") or option_id)
-        number = isinstance(seconds, int | float) and not isinstance(seconds, bool)
-        return cls(_line(title or "act"), float(seconds) if number else None, options)
+        limit = float(seconds) if isinstance(seconds, int | float) else None
+        return cls(_line(title or "act"), limit, options)
 
     def text(self, robot: str) -> str:
         """The question and its options, for people."""

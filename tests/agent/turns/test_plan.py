@@ -1,4 +1,4 @@
-"""A step that failed is not ticked: not by the offline model, and not for a language model that ticks it all the same."""
+"""A step that failed is not ticked: not by the offline model, and not for a language model that ticks it."""
 
 from __future__ import annotations
 
