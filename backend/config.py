@@ -221,7 +221,7 @@ class Agent(_Section):
     max_outbox_bytes: int = Field(
         64 * 1024 * 1024, ge=1024 * 1024, description="a client that leaves more than this unread is disconnected"
     )
-    four_eyes: list[str] = Field([], description="tools that somebody other than the person who asked must approve")
+    four_eyes: list[str] = Field([], description="tools that another person with a token must approve, in every mode")
     mcp_allow: list[str] = Field([], description="MCP servers that a supervisor's client may bring: URL prefixes")
     policy: dict[str, dict[str, Decision]] = Field({}, description="mode -> tool -> allow, ask or deny")
     visitors: dict[str, Decision] = Field({}, description="tool -> what a visitor's prompt may do at most")

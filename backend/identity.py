@@ -82,6 +82,15 @@ class Identity:
         """Whether the token has expired."""
         return self.expires is not None and time.time() >= self.expires
 
+    @property
+    def proven(self) -> bool:
+        """Whether a token proves who this is. A client that is trusted because of where it runs proves nobody."""
+        return self.token_id is not None
+
+    def is_somebody_else(self, other: Identity) -> bool:
+        """Whether this is another person than `other`, and tokens prove both."""
+        return self.proven and other.proven and self.person != other.person
+
     def may(self, right: Right) -> bool:
         """Whether this role has that right."""
         return right in _RIGHTS[self.role]

@@ -27,6 +27,7 @@ from backend import meta as keys
 from backend.chat import plain_input
 from backend.chat.export import save_log
 from backend.chat.link import Link, LinkError, RefusedError, open_link
+from backend.chat.question import Question
 from backend.chat.status import METHOD, SUBSCRIPTION, Status
 from backend.chat.view import Line, Style, View
 from backend.config import Settings
@@ -43,7 +44,6 @@ _STYLES: dict[Style, str] = {
 }
 _PING_SECONDS = 5.0
 """How often the round trip to the agent is timed, and how long an answer may take."""
-_ANSWERS = {"y": "allow_once", "n": "reject_once", "a": "allow_always", "v": "reject_always"}
 _HELP = (
     "Type what the robot shall do. /stop stops it at once, /release lets it move again, Ctrl-C cancels, Ctrl-D leaves."
 )
@@ -83,7 +83,8 @@ class Chat:
         self._session = ""
         """Empty while no session is open, because the database of sessions is away."""
         self._wanted_session: str | None = None
-        self._questions: dict[Any, dict[str, Any]] = {}
+        self._questions: dict[Any, Question] = {}
+        """The questions that wait, by request id. The first one is on the screen, and an answer is for that one."""
         self._turn: asyncio.Task[None] | None = None
         self._ready_for_input = asyncio.Event()
         """Set while the next line of a pipe may be read: between turns, and while a question is open."""
@@ -170,23 +171,29 @@ class Chat:
             if self._status.apply(params) and not sys.stdin.isatty():
                 self._show([Line("note", self._status.line)])
         elif method == "session/request_permission":
-            self._questions[message["id"]] = params
-            self._ready_for_input.set()
-            self._show([*self._view.flush(), Line("problem", self._question_text(params))])
+            self._take_question(message["id"], Question.of(params))
         elif method == "$/cancel_request":
-            if self._questions.pop(params.get("requestId"), None):
+            first = next(iter(self._questions), None)
+            if self._questions.pop(params.get("requestId"), None) and params.get("requestId") == first:
                 self._show([Line("note", "This question has been settled.")])
+                self._show_question()
         elif "id" in message and self._link is not None:
             self._in_background(self._link.refuse(message["id"]))
         self._redraw()
 
-    def _question_text(self, params: dict[str, Any]) -> str:
-        seconds = (params.get("_meta") or {}).get(keys.TIMEOUT_S)
-        limit = f" ({seconds:.0f} s to answer)" if seconds else ""
-        title = visible(params["toolCall"].get("title", "act"))
-        return (
-            f"{self._view.robot} asks: {title}{limit}\n  y allow · n don't · a always in this session · v never in it"
-        )
+    def _take_question(self, request_id: Any, question: Question) -> None:
+        if not question.options and self._link is not None:
+            self._in_background(self._link.refuse(request_id))  # nothing can be chosen
+            return
+        self._questions[request_id] = question
+        self._ready_for_input.set()
+        if len(self._questions) == 1:
+            self._show_question()
+
+    def _show_question(self) -> None:
+        """Show the question that the next answer is for."""
+        if question := next(iter(self._questions.values()), None):
+            self._show([*self._view.flush(), Line("problem", question.text(self._view.robot))])
 
     async def _time_round_trips(self, link: Link, status: Status) -> None:
         with contextlib.suppress(LinkError):  # `talk` reports the lost connection
@@ -240,12 +247,13 @@ class Chat:
         return True
 
     async def _answer(self, line: str) -> None:
-        option = _ANSWERS.get(line[:1].lower() if line.lower() in (*_ANSWERS, "yes", "no") else "")
+        request_id, question = next(iter(self._questions.items()))
+        option = question.selected(line)
         if option is None:
-            self._show([Line("problem", "Answer the question first: y, n, a or v.")])
+            self._show([Line("problem", f"Answer the question first: {question.choices}.")])
             return
-        request_id = next(iter(self._questions))
         del self._questions[request_id]
+        self._show_question()
         if self._turn is not None and not self._turn.done() and not self._questions:
             self._ready_for_input.clear()
         assert self._link is not None  # noqa: S101

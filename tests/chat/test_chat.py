@@ -257,6 +257,30 @@ async def test_in_a_terminal_a_question_stands_in_the_way_of_no_command(robot: R
             assert "Answer the question first" not in terminal.screen
 
 
+async def test_in_a_terminal_what_needs_four_eyes_has_no_always(robot: Robot) -> None:
+    careful = robot.with_another_agent({"ROBOT_ACP_AGENT__FOUR_EYES": '["speak"]'})
+    with careful.running("agent", port=careful.agent_port):
+        asking = await Client.open(f"tcp://127.0.0.1:{careful.agent_port}", answer=None)
+        login = {"methodId": "token", "_meta": {"robot-acp/token": careful.token("Ana", Role.OPERATOR)}}
+        await asking.link.request("authenticate", login)
+        session = await asking.new()
+        token = careful.token("Ben", Role.OPERATOR)
+        with Terminal.of(careful, "--session", session, "--token", token) as terminal:
+            await terminal.shows("Sancho is listening.")
+            async with robot.watched() as watched:
+                turn = asking.later(asking.prompt("say hello"))
+                await terminal.shows("y Allow · n Don't")
+                assert "in this session" not in terminal.screen
+                terminal.type("a\r")
+                await terminal.shows("Answer the question first: y or n.")
+                assert watched.spoken == []
+                terminal.type("y\r")
+                await terminal.shows("Allowed by Ben.")
+                await watched.until(lambda: watched.spoken == ["Hello."], "the greeting")
+            assert await turn == "end_turn"
+        await asking.close()
+
+
 async def test_in_a_terminal_the_state_of_the_robot_stays_below_the_prompt(robot: Robot) -> None:
     with Terminal.of(robot, "--telemetry") as terminal:
         await terminal.shows("Sancho is listening.")

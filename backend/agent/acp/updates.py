@@ -89,6 +89,8 @@ def tool_status(call_id: str, status: ToolStatus, text: str | None = None, outco
         update["content"] = [_content(text_block(text))]
     if outcome is not None:
         decision = {"by": outcome.by, "option": outcome.option, "reason": outcome.reason}
+        if outcome.fingerprint is not None:
+            decision["fingerprint"] = outcome.fingerprint
         update["_meta"] = {keys.DECISION: decision}
     return update
 

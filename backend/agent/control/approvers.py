@@ -2,8 +2,8 @@
 
 Everyone attached to the session who may approve is asked, and the first valid answer counts. Only an `allow_*` option
 that was offered allows the call. A rejection, an invalid answer, no answer in time, and nobody to ask all refuse it. As
-soon as one person has answered, the request is withdrawn from the others. Whether people are asked at all is decided
-in `permission.py`.
+soon as one person has answered, the request is withdrawn from the others. Where two people have to agree, only somebody
+else than the asker is asked, and tokens prove both. Whether people are asked at all is decided in `permission.py`.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from acp.schema import RequestPermissionResponse
 from pydantic import ValidationError
 
 from backend import meta as keys
+from backend.identity import Identity
 
 log = logging.getLogger(__name__)
 
@@ -39,8 +40,8 @@ class Approver(Protocol):
         """The name of the person, for people."""
 
     @property
-    def person(self) -> str:
-        """Who it is: the same at all connections of one person, and at no other's."""
+    def identity(self) -> Identity | None:
+        """Who is logged in at this moment; None for nobody."""
 
     @property
     def may_approve(self) -> bool:
@@ -56,12 +57,14 @@ class Approver(Protocol):
 @dataclass(frozen=True)
 class Outcome:
     """How a permission request ended. `allowed` is true only where an `allow_*` option was chosen, `option` is the
-    chosen option, and `by` the name of the person who chose it."""
+    chosen option, and `by` the name of the person who chose it. `fingerprint` is that of the tool for which the option
+    counts for the rest of the session; None where it counts for one call."""
 
     allowed: bool
     reason: Reason
     option: str | None = None
     by: str | None = None
+    fingerprint: str | None = None
 
     @property
     def refusal(self) -> str:
@@ -75,6 +78,11 @@ class Outcome:
                 return "refused: nobody answered in time"
             case "nobody":
                 return "refused: nobody is there who may allow it"
+
+
+def may_answer(person: Identity | None, other_than: Identity | None) -> bool:
+    """Whether `person` may answer a request. `other_than` is the asker where two people have to agree, else None."""
+    return other_than is None or (person is not None and person.is_somebody_else(other_than))
 
 
 def options(subject: str, *, once: bool = False) -> list[dict[str, str]]:
@@ -99,12 +107,12 @@ def read_answer(result: Any, offered: Collection[str] = OPTION_KINDS) -> str | N
 
 @dataclass(eq=False)
 class PermissionRequest:
-    """One pending permission request. `excluded` is the `person` who is not asked, because two people have to
-    agree and this one asked for the call."""
+    """One pending permission request. `other_than` is the asker where two people have to agree, so that only somebody
+    else may answer; None where everybody may who approves."""
 
     params: dict[str, Any]
     outcome: asyncio.Future[Outcome]
-    excluded: str | None = None
+    other_than: Identity | None = None
     sent: dict[Approver, asyncio.Task[None]] = field(default_factory=dict)
     """The connections that the request was sent to and that have not answered it."""
 
@@ -120,29 +128,30 @@ class AbsentApprovers:
     def __init__(self, everybody: Callable[[], Iterable[Approver]] = tuple, grace_s: float = GRACE_S) -> None:
         self._everybody = everybody
         self._grace_s = grace_s
-        self._disconnected: dict[str, asyncio.TimerHandle] = {}
-        """People who disconnected a moment ago, by `person`, and the timer that ends their time to return."""
+        self._disconnected: dict[str, tuple[Identity, asyncio.TimerHandle]] = {}
+        """People who disconnected a moment ago, and the timer that ends their time to return."""
         self.waiting: set[PermissionRequests] = set()
         """The sessions that have a pending request."""
 
-    def may_attach(self, attached: Collection[Approver], excluded: str | None) -> bool:
-        """Whether somebody who may approve, other than `excluded`, is not among `attached` and may still attach."""
-        elsewhere = (one.person for one in self._everybody() if one.may_approve and one not in attached)
-        return any(person != excluded for person in (*self._disconnected, *elsewhere))
+    def may_attach(self, attached: Collection[Approver], other_than: Identity | None) -> bool:
+        """Whether somebody is not among `attached` and may still attach whose answer would count: see `may_answer`."""
+        elsewhere = (person.identity for person in self._everybody() if person.may_approve and person not in attached)
+        expected = (who for who, _ in self._disconnected.values())
+        return any(may_answer(who, other_than) for who in (*expected, *elsewhere))
 
     def disconnected(self, approver: Approver) -> None:
         """Expect this person back for `grace_s` seconds, provided that their answer would still count."""
         self.returned(approver)
-        if approver.may_approve:
-            timer = asyncio.get_running_loop().call_later(self._grace_s, self._did_not_return, approver.person)
-            self._disconnected[approver.person] = timer
+        if (who := approver.identity) and approver.may_approve:
+            timer = asyncio.get_running_loop().call_later(self._grace_s, self._did_not_return, who.person)
+            self._disconnected[who.person] = who, timer
         else:
             self._refuse_unanswerable()
 
     def returned(self, approver: Approver) -> None:
         """Stop expecting this person back."""
-        if timer := self._disconnected.pop(approver.person, None):
-            timer.cancel()
+        if (who := approver.identity) and (expected := self._disconnected.pop(who.person, None)):
+            expected[1].cancel()
 
     def _did_not_return(self, person: str) -> None:
         del self._disconnected[person]
@@ -197,14 +206,15 @@ class PermissionRequests:
         An attached person with whom it is no longer pending has given an answer that does not count.
         """
         for request in self._pending:
-            answerable = request.sent or self._absent.may_attach(self._approvers, request.excluded)
+            answerable = request.sent or self._absent.may_attach(self._approvers, request.other_than)
             if not answerable and not request.outcome.done():
                 request.outcome.set_result(Outcome(False, "nobody"))
 
-    def has_approver(self, excluded: str | None = None) -> bool:
-        """Whether somebody who may approve, other than `excluded`, is attached to the session or may still attach."""
+    def has_approver(self, other_than: Identity | None = None) -> bool:
+        """Whether somebody is attached to the session, or may still attach, whose answer counts: see `may_answer`."""
         attached = self._approvers
-        return any(approver.person != excluded for approver in attached) or self._absent.may_attach(attached, excluded)
+        counts = any(may_answer(person.identity, other_than) for person in attached)
+        return counts or self._absent.may_attach(attached, other_than)
 
     async def ask(
         self,
@@ -212,17 +222,18 @@ class PermissionRequests:
         tool_call: dict[str, Any],
         subject: str,
         asker: str,
-        excluded: str | None = None,
+        other_than: Identity | None = None,
         preview: dict[str, Any] | None = None,
     ) -> Outcome:
-        """Ask everyone who may approve, other than `excluded`, and return how the request ended.
+        """Ask everyone who may approve, and return how the request ended.
 
-        With `excluded`, two people have to agree on this one call, so the options that count for the whole session are
-        not offered. `subject` names what an "always" would count for; `preview` is the `_meta` that tells what the
-        call would do. The request ends with the first valid answer, at the latest after `timeout_s` seconds.
-        Cancelling this withdraws the request from everyone.
+        With `other_than`, which is the asker, two people have to agree on this one call: only somebody else may answer
+        (see `may_answer`), and the options that count for the whole session are not offered. `subject` names what an
+        "always" would count for; `preview` is the `_meta` that tells what the call would do. The request ends with the
+        first valid answer, at the latest after `timeout_s` seconds. Cancelling this withdraws the request from
+        everyone.
         """
-        if not self.has_approver(excluded):
+        if not self.has_approver(other_than):
             return Outcome(False, "nobody")
         expires = datetime.now(UTC) + timedelta(seconds=self.timeout_s)
         meta: dict[str, Any] = {
@@ -236,10 +247,10 @@ class PermissionRequests:
         params = {
             "sessionId": session_id,
             "toolCall": tool_call,
-            "options": options(subject, once=excluded is not None),
+            "options": options(subject, once=other_than is not None),
             "_meta": meta,
         }
-        return await self._outcome(PermissionRequest(params, asyncio.get_running_loop().create_future(), excluded))
+        return await self._outcome(PermissionRequest(params, asyncio.get_running_loop().create_future(), other_than))
 
     async def _outcome(self, request: PermissionRequest) -> Outcome:
         self._pending.append(request)
@@ -259,16 +270,17 @@ class PermissionRequests:
                 task.cancel()
 
     def _send(self, request: PermissionRequest, approver: Approver) -> None:
-        if approver.person == request.excluded:
+        if not may_answer(approver.identity, request.other_than):
             return
         request.sent[approver] = self._spawn(self._await_answer(request, approver))
 
     async def _await_answer(self, request: PermissionRequest, approver: Approver) -> None:
         try:
             answer = await approver.request("session/request_permission", request.params)
-            # The person's rights can have changed since the request was sent.
+            # The rights, and the person, can have changed since the request was sent.
             offered = [option["optionId"] for option in request.params["options"]]
-            option = read_answer(answer, offered) if approver.may_approve else None
+            counts = approver.may_approve and may_answer(approver.identity, request.other_than)
+            option = read_answer(answer, offered) if counts else None
         except ConnectionError:
             if request.sent.pop(approver, None) and approver in self._approvers:
                 self._absent.disconnected(approver)

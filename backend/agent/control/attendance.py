@@ -11,7 +11,7 @@ import asyncio
 import logging
 import time
 
-from backend.agent.control.lease import Lease
+from backend.agent.control.lease import Claim, Lease
 from backend.agent.sessions.sessions import Sessions
 
 log = logging.getLogger(__name__)
@@ -28,6 +28,8 @@ class Attendance:
         self._lease = lease
         self._limit_s = limit_s
         self._last_present = time.monotonic()
+        self._revoked: Claim | None = None
+        """The claim that was revoked last. A turn that halts keeps its claim until the robot is at rest."""
 
     async def run(self) -> None:
         """Check until cancelled."""
@@ -41,9 +43,10 @@ class Attendance:
             self._last_present = now
             return
         holder = self._lease.holder
-        if holder is None or now - self._last_present < self._limit_s:
+        if holder is None or holder is self._revoked or now - self._last_present < self._limit_s:
             return
         if any(s.id == holder.session_id and s.row.mode == UNATTENDED_MODE for s in sessions):
             return
+        self._revoked = holder
         log.warning("nobody who may operate the robot is connected; the turn of %s is cancelled", holder.by)
         holder.revoke("Nobody who may operate me is connected any more")

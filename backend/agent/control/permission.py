@@ -8,7 +8,7 @@ of a person lets a call run, and whoever calls this must run no call without its
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from backend.agent.acp import updates
@@ -20,6 +20,11 @@ from backend.agent.robot.robot_client import RobotClient
 from backend.agent.sessions.session import Session
 from backend.agent.turns.phases import Phases
 from backend.identity import Identity
+
+_TWO_PEOPLE = (
+    "refused: two people have to agree on this, and nobody knows who asked. Log in with a token of your own, then ask "
+    "again"
+)
 
 
 @dataclass(frozen=True)
@@ -52,8 +57,8 @@ class Verdict:
 class Permission:
     """Decides on the tool calls of one turn, which `asker` started in `session`.
 
-    `four_eyes` are the names of the tools that somebody other than the asker has to allow each time. `previews` says
-    whether people see what a call would do before they answer.
+    `four_eyes` are the names of the tools that somebody other than the asker has to allow each time, in every mode;
+    tokens have to prove both. `previews` says whether people see what a call would do before they answer.
     """
 
     session: Session
@@ -78,6 +83,8 @@ class Permission:
         if decision == "allow":
             return Verdict(True)
         # 2. It says "ask": an answer that counts for the whole session is used, or else people are asked.
+        if self._needs_two(call.tool) and not self.asker.proven:
+            return Verdict(False, _TWO_PEOPLE)
         try:
             outcome = self._remembered(call.tool) or await self._ask(call)
         except preview.RefusedByRobot as refused:
@@ -91,9 +98,14 @@ class Permission:
         return Verdict(True, outcome=outcome)
 
     def decide(self, tool: Tool) -> Decision:
-        """The policy's decision on a tool, for this asker and the settings that the session has now."""
+        """The policy's decision on a tool, for this asker and the settings that the session has now. No mode and no
+        setting of a session allows a tool of four eyes without asking."""
         row = self.session.row
-        return self.policy.decide(row.mode, tool.traits, self.asker.role, row.motion_asks)
+        decision = self.policy.decide(row.mode, tool.traits, self.asker.role, row.motion_asks)
+        return "ask" if decision == "allow" and self._needs_two(tool) else decision
+
+    def _needs_two(self, tool: Tool) -> bool:
+        return tool.name in self.four_eyes
 
     async def forget_preview(self) -> None:
         """Let the robot draw no path any longer for a call that was asked about and is not allowed.
@@ -105,20 +117,21 @@ class Permission:
             await self.robot.forget_preview(call_id)
 
     def _remembered(self, tool: Tool) -> Outcome | None:
-        """The answer that was chosen for the rest of the session. An "allow" never counts for a tool of four eyes."""
-        allowed = self.session.remembered.get(tool.name)
-        if allowed is None or (allowed and tool.name in self.four_eyes):
+        """The answer that was chosen for the rest of the session, for this very tool: not for another server under the
+        same name, nor for other parameters. An "allow" never counts for a tool of four eyes."""
+        allowed = self.session.history.answer_for(tool.fingerprint)
+        if allowed is None or (allowed and self._needs_two(tool)):
             return None
         return Outcome(allowed, "remembered", "allow_always" if allowed else "reject_always")
 
     async def _ask(self, call: ToolCall) -> Outcome:
         """Ask people, who see what the call would do. Raises `RefusedByRobot`; nobody has been asked then."""
         requests, tool = self.session.permission_requests, call.tool
-        excluded = self.asker.person if tool.name in self.four_eyes else None
+        other_than = self.asker if self._needs_two(tool) else None
         if self.robot.state and self.robot.state.stop:
             # The stop may have been released already: the state that the telemetry brought can be older than that.
             preview.refuse_if_stopped(tool, await self.robot.anew())
-        if not requests.has_approver(excluded):
+        if not requests.has_approver(other_than):
             return Outcome(False, "nobody")
         path = await self._preview(call)
         # People who are not asked, for instance the visitor who started the turn, see why nothing happens.
@@ -128,7 +141,10 @@ class Permission:
         announced = updates.tool_call(call.id, tool, call.arguments, "pending")
         del announced["sessionUpdate"]
         with self.phases.during("person"):
-            return await requests.ask(self.session.id, announced, tool.title, self.asker.name, excluded, path)
+            outcome = await requests.ask(self.session.id, announced, tool.title, self.asker.name, other_than, path)
+        if outcome.option is not None and outcome.option.endswith("_always"):
+            return replace(outcome, fingerprint=tool.fingerprint)
+        return outcome
 
     async def _preview(self, call: ToolCall) -> dict[str, Any] | None:
         """What people are told of the path; None where the tool has no preview. Raises `RefusedByRobot`."""

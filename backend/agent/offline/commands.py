@@ -91,6 +91,8 @@ class _Turn:
         self._meant: dict[str, Node] = {}
         self._shown = shown
         self._nodes: list[Node] = []
+        self._failed: set[int] = set()
+        """The actions that failed, by their number: they are not done."""
 
     def next(self) -> Reply:
         needs_map = any(isinstance(a, GoTo | TellPlaces) for a in self._actions)
@@ -104,14 +106,13 @@ class _Turn:
             first, outcomes = self._past[0], self._past[1:]
             self._nodes = read_map(first.result)
             if first.failed or not self._nodes:
-                return Reply(f"I could not read the map. {report.reason(first.result)}")
+                return self._finish([f"I could not read the map. {report.reason(first.result)}"], 0)
             if reply := self._settle_places():
                 return reply
         return self._continue(outcomes)
 
     def _continue(self, outcomes: list[Done]) -> Reply:
         told: list[str] = []
-        position = 0
         for position, action in enumerate(self._actions):
             if isinstance(action, TellPlaces):
                 told.append("I know these places: " + ", ".join(n.name for n in self._nodes) + ".")
@@ -121,31 +122,35 @@ class _Turn:
                 continue
             if not outcomes:
                 call = self._call(action)
-                return self._step(position, call) if call else self._finish([*told, report.impossible(action)])
+                if call is None:
+                    return self._finish([*told, report.impossible(action)], position)
+                return self._step(position, call)
             outcome, outcomes = outcomes[0], outcomes[1:]
             told.append(report.outcome(action, outcome.result, outcome.failed))
+            if outcome.failed:
+                self._failed.add(position)
             if outcome.failed and isinstance(action, GoTo | GoToPoint | GoBack):
-                return self._finish(told + report.left_out(self._actions[position + 1 :]))
-        if self._plan_is_stale(len(self._actions)):
-            return Reply(calls=[self._plan_call(len(self._actions))])
-        return self._finish(told)
+                return self._finish(told + report.left_out(self._actions[position + 1 :]), position)
+        return self._finish(told, len(self._actions))
 
-    def _finish(self, told: list[str]) -> Reply:
+    def _finish(self, told: list[str], ended: int) -> Reply:
+        """Say what happened, after the plan shows that the first `ended` actions are over and no other is under way."""
+        statuses = self._statuses(ended)
+        if self._shown is not None and self._shown != statuses:
+            return Reply(calls=[self._plan_call(statuses)])
         return Reply(" ".join(told))
 
     def _step(self, position: int, call: Call) -> Reply:
-        plan = [self._plan_call(position)] if self._plan_is_stale(position) else []
-        return Reply(calls=[*plan, call])
-
-    def _plan_is_stale(self, position: int) -> bool:
-        return len(self._actions) > 1 and self._book.has(PLAN_TOOL) and self._shown != self._statuses(position)
-
-    def _statuses(self, position: int) -> list[str]:
-        count = len(self._actions)
-        return ["completed" if i < position else "in_progress" if i == position else "pending" for i in range(count)]
-
-    def _plan_call(self, position: int) -> Call:
         statuses = self._statuses(position)
+        statuses[position] = "in_progress"
+        wanted = len(self._actions) > 1 and self._book.has(PLAN_TOOL) and self._shown != statuses
+        return Reply(calls=[*([self._plan_call(statuses)] if wanted else []), call])
+
+    def _statuses(self, ended: int) -> list[str]:
+        """The status of each action when the first `ended` ones are over. One that failed is not done."""
+        return ["completed" if i < ended and i not in self._failed else "pending" for i in range(len(self._actions))]
+
+    def _plan_call(self, statuses: list[str]) -> Call:
         entries = [
             {"content": report.plan_entry(action), "status": status}
             for action, status in zip(self._actions, statuses, strict=True)
@@ -158,7 +163,7 @@ class _Turn:
         for place in dict.fromkeys(a.place for a in self._actions if isinstance(a, GoTo)):
             found = find(place, self._nodes)
             if not found:
-                return Reply(unknown(place, self._nodes))
+                return self._finish([unknown(place, self._nodes)], 0)
             if len(found) > 1:
                 names = [n.name for n in found]
                 question = f"Which one do you mean: {', '.join(names)}?"
@@ -167,7 +172,7 @@ class _Turn:
                 answer = answers.pop(0) if answers else None
                 found = [n for n in found if n.name == answer]
                 if not found:
-                    return Reply(question)
+                    return self._finish([question], 0)
             self._meant[place] = found[0]
         return None
 

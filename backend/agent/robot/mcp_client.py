@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import hashlib
 import logging
 import re
 import shlex
@@ -15,11 +16,13 @@ import string
 from collections.abc import AsyncIterator, Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, cast
+from urllib.parse import urlsplit
 
 import anyio
 import httpx2
 import mcp
 import mcp_types
+import orjson
 from mcp.client.stdio import StdioServerParameters, stdio_client
 from mcp.client.streamable_http import streamable_http_client
 from mcp.shared._httpx_utils import MCP_DEFAULT_SSE_READ_TIMEOUT, MCP_DEFAULT_TIMEOUT
@@ -90,6 +93,9 @@ class Tool:
     sign_of_life: sign_of_life.Asked | None = None
     preview: str | None = None
     """The flag with which the tool only computes what it would do, if its server says that it has one."""
+    fingerprint: str = ""
+    """What an answer for a whole session counts for: the hash of the server's address, the tool's name there and its
+    input schema. Empty for a tool of the agent's own."""
 
     @property
     def traits(self) -> ToolTraits:
@@ -253,7 +259,7 @@ class McpClient:
                 self._transport() as transport,
                 mcp.Client(transport, read_timeout_seconds=None) as client,
             ):
-                self._tools = {tool.name: tool for tool in await _list(client)}
+                self._tools = {tool.name: tool for tool in await _list(client, _origin(self._url))}
                 ready.set_result(client)
                 await lost.wait()
         except Exception as error:
@@ -308,18 +314,29 @@ def _refusal(error: MCPError | RuntimeError) -> str:
     return error.message if isinstance(error, MCPError) else "The tool's answer is not what it announced."
 
 
-async def _list(client: mcp.Client) -> list[Tool]:
+def _origin(url: str) -> str:
+    """What distinguishes the server from others: its address without user and password, or its command."""
+    parts = urlsplit(url)
+    return url if url.startswith("stdio:") else f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}{parts.path}"
+
+
+async def _list(client: mcp.Client, origin: str) -> list[Tool]:
     tools: list[Tool] = []
     cursor: str | None = None
     while True:
         page = await client.list_tools(cursor=cursor)
-        tools += [_tool(described) for described in page.tools]
+        tools += [_tool(described, origin) for described in page.tools]
         cursor = page.next_cursor
         if cursor is None or not page.tools or len(tools) >= MAX_TOOLS:
             return tools[:MAX_TOOLS]
 
 
-def _tool(described: mcp_types.Tool) -> Tool:
+def _fingerprint(origin: str, described: mcp_types.Tool) -> str:
+    identity = orjson.dumps([origin, described.name, described.input_schema], option=orjson.OPT_SORT_KEYS)
+    return hashlib.sha256(identity).hexdigest()
+
+
+def _tool(described: mcp_types.Tool, origin: str) -> Tool:
     notes = described.annotations
     meta = described.meta or {}
     template = meta.get(keys.TITLE)
@@ -333,6 +350,7 @@ def _tool(described: mcp_types.Tool) -> Tool:
         read_only=notes.read_only_hint if notes else None,
         sign_of_life=sign_of_life.Asked.of(meta),
         preview=_flag(meta.get(keys.PREVIEW), described.input_schema),
+        fingerprint=_fingerprint(origin, described),
     )
 
 

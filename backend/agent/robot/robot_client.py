@@ -10,8 +10,8 @@ import asyncio
 import contextlib
 import logging
 import math
-from collections.abc import AsyncIterator, Callable
-from typing import Any
+from collections.abc import AsyncIterator, Callable, Coroutine
+from typing import Any, TypeVar
 
 import httpx
 import msgspec
@@ -31,10 +31,13 @@ REFUSED_RETRY_S = 30.0
 """The same where a server of another make answers, but has no telemetry."""
 STALE_S = 2.0
 """States come twenty times a second: after so long without one the latest state is no longer valid."""
+ASK_AGAIN_S = 0.1
+"""A robot server that does not answer is asked again after so many seconds how the robot is."""
 
 _CONNECTION_ERRORS = (OSError, WebSocketException, msgspec.DecodeError)
 """The errors with which a telemetry connection ends."""
 
+_Answer = TypeVar("_Answer")
 Watcher = Callable[["telemetry.State | None"], None]
 
 
@@ -53,10 +56,10 @@ class RobotClient:
         self._stale_after = stale_after
         self._rest_timeout = rest_timeout
         self.state: telemetry.State | None = None
-        self._silent = False
         self._news = asyncio.Condition()
         self._watchers: set[Watcher] = set()
-        self._stopping: set[asyncio.Task[dict[str, Any]]] = set()
+        self._requests: set[asyncio.Task[Any]] = set()
+        """Requests that go on although nobody waits for them any more."""
 
     @property
     def keeps_a_stop(self) -> bool:
@@ -111,10 +114,10 @@ class RobotClient:
     async def _fall_silent(self) -> None:
         if self.state is not None:
             log.warning("the robot server has sent nothing for %g s; its connection is still open", self._stale_after)
-        await self._set(None, silent=True)
+        await self._set(None)
 
-    async def _set(self, state: telemetry.State | None, *, silent: bool = False) -> None:
-        self.state, self._silent = state, silent
+    async def _set(self, state: telemetry.State | None) -> None:
+        self.state = state
         for watcher in list(self._watchers):
             watcher(state)
         async with self._news:
@@ -135,37 +138,47 @@ class RobotClient:
                             return message
         return None
 
-    async def at_rest(self) -> None:
-        """Return when the robot stands still and follows no goal; at once when it is not connected.
+    @property
+    def reports_motion(self) -> bool:
+        """Whether the robot says how it moves. A robot server of another make does not."""
+        return self._server.is_ours or self.state is not None
 
-        A robot that is silent on an open connection does not count as at rest: it may be driving.
+    async def at_rest(self) -> bool:
+        """Whether the robot stands still and follows no goal. Waits for it, `rest_timeout` s at most.
+
+        A robot without telemetry does not count as at rest: it may be driving.
         """
-        with contextlib.suppress(TimeoutError):
+        try:
             async with asyncio.timeout(self._rest_timeout):
-                if self.state is None and not self._silent:
-                    return
-                now = await self.anew()
+                since = await self._now()
                 async with self._news:
                     await self._news.wait()  # the present state is older than this call
-                    await self._news.wait_for(lambda: self._resting(now.time if now else -math.inf))
-                return
-        log.error("the robot is not at rest %g s after the halt", self._rest_timeout)
+                    await self._news.wait_for(lambda: self._resting(since))
+                return True
+        except TimeoutError:
+            log.error("the robot is not known to be at rest %g s after the halt", self._rest_timeout)
+            return False
+
+    async def _now(self) -> float:
+        """The time of this moment, in s of the robot's clock. Waits until the robot server answers."""
+        while self.reports_motion:
+            if state := await self.anew():
+                return state.time
+            await asyncio.sleep(ASK_AGAIN_S)
+        return -math.inf
 
     def _resting(self, since: float) -> bool:
         """Whether the robot is at rest in a state of `since` (s of its clock) or later."""
         state = self.state
         if state is None:
-            return not self._silent
+            return False
         return state.time >= since and state.motion is None and state.twist.linear == 0 and state.twist.angular == 0
 
     async def stop(self, by: str) -> dict[str, Any]:
         """Stop the robot: `{"stopped": {by, at}}`. Cancelling the caller does not cancel the request. Raises
         `NotStopped`."""
-        stopping = asyncio.create_task(self._server.stop(by), name="stop")
-        self._stopping.add(stopping)
-        stopping.add_done_callback(self._stopping.discard)
         try:
-            return await asyncio.shield(stopping)
+            return await self._outlasting(self._server.stop(by))
         except RobotError as error:
             log.error("the robot has not confirmed a stop by %s: %s", by, error)
             raise
@@ -175,8 +188,20 @@ class RobotClient:
         return await self._server.release(by)
 
     async def forget_preview(self, own: str) -> None:
-        """Withdraw the preview with this id. A failure is logged and not raised: a preview ends by itself, too."""
+        """Withdraw the preview with this id. Cancelling the caller does not cancel the request. A failure is logged and
+        not raised: a preview ends by itself, too."""
         try:
-            await self._server.forget_preview(own)
+            await self._outlasting(self._server.forget_preview(own))
         except (httpx.HTTPError, TimeoutError) as error:
             log.info("the preview could not be taken back: %s", type(error).__name__)
+
+    async def _outlasting(self, request: Coroutine[Any, Any, _Answer]) -> _Answer:
+        """Wait for a request that goes on when the caller is cancelled.
+
+        So a cancel of the caller is never lost, as it could be inside the HTTP client: anyio takes one that comes when
+        the connection has just been made for its own.
+        """
+        task = asyncio.create_task(request)
+        self._requests.add(task)
+        task.add_done_callback(self._requests.discard)
+        return await asyncio.shield(task)

@@ -30,8 +30,9 @@ class History:
         self._tools: dict[str, str] = {}
         self._plans = 0
         self._turn_id: str | None = None
-        self.remembered: dict[str, bool] = {}
-        """Tool name -> allowed, for answers that count for the rest of the session."""
+        self._answers: dict[str, tuple[str, bool]] = {}
+        """Fingerprint of a tool -> its name and whether it is allowed, for answers that count for the rest of the
+        session; the newest last."""
         self.interrupted: str | None = None
         """The id of a turn that began and has not ended; None otherwise."""
 
@@ -40,6 +41,16 @@ class History:
         """The ids of tool calls that were announced and have not ended."""
         return list(self._tools)
 
+    @property
+    def remembered(self) -> dict[str, bool]:
+        """Tool name -> allowed, for people: the newest answer of each name that counts for the rest of the session."""
+        return dict(self._answers.values())
+
+    def answer_for(self, fingerprint: str) -> bool | None:
+        """Whether the tool with this fingerprint is allowed for the rest of the session; None where nobody said so."""
+        answer = self._answers.get(fingerprint)
+        return answer[1] if answer else None
+
     def apply(self, update: dict[str, Any]) -> None:
         """Add the next update."""
         kind = update["sessionUpdate"]
@@ -47,7 +58,7 @@ class History:
         if turn := meta.get(keys.TURN):
             self.interrupted = turn["id"] if turn["state"] == "running" else None
         if keys.FORKED in meta:  # in this session nobody has allowed anything yet
-            self.remembered = {tool: allowed for tool, allowed in self.remembered.items() if not allowed}
+            self._answers = {of: answer for of, answer in self._answers.items() if not answer[1]}
         if kind == "user_message_chunk":
             self._user(update["content"], (turn or {}).get("id"))
         elif kind == "agent_message_chunk":
@@ -124,9 +135,16 @@ class History:
         self._tools.clear()
 
     def _remember(self, call_id: str, decision: dict[str, Any]) -> None:
-        option = str(decision.get("option"))
-        if decision.get("reason") == "selected" and option.endswith("_always") and call_id in self._tools:
-            self.remembered[self._tools[call_id]] = option == "allow_always"
+        # Logs of earlier versions have no fingerprint: such an answer does not say for which server it was given.
+        option, fingerprint = str(decision.get("option")), decision.get("fingerprint")
+        if (
+            decision.get("reason") == "selected"
+            and option.endswith("_always")
+            and fingerprint
+            and call_id in self._tools
+        ):
+            self._answers.pop(fingerprint, None)  # the newest answer comes last
+            self._answers[fingerprint] = self._tools[call_id], option == "allow_always"
 
     def _tool_result(self, update: dict[str, Any]) -> None:
         call_id = update["toolCallId"]

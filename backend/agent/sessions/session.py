@@ -28,9 +28,6 @@ from backend.agent.sessions.history import History
 from backend.agent.sessions.journal import Journal
 from backend.agent.sessions.store import Event, SessionRow, as_json
 
-RECANCEL_AFTER_S = 2.0
-"""A turn that was cancelled so long ago and still works has lost the cancel; the next cancel reaches it again."""
-
 MAX_EVENT_BYTES = wire.MAX_FRAME_BYTES - 1024 * 1024
 """What is in a larger update is left out, because no client could ever be sent it."""
 
@@ -118,7 +115,6 @@ class Session:
         spawn: Spawn,
         absent: AbsentApprovers | None = None,
         robot_pose: Callable[[], Awaitable[Pose | None]] | None = None,
-        recancel_after_s: float = RECANCEL_AFTER_S,
     ) -> None:
         self.row = row
         self.seq = seq
@@ -135,7 +131,6 @@ class Session:
         self._robot_pose = robot_pose
         self._listeners: set[Listener] = set()
         self._catching_up: dict[Listener, _Held] = {}
-        self._recancel_after_s = recancel_after_s
         self._one_turn = asyncio.Lock()
         self._tasks: set[asyncio.Task[str]] = set()
         """One task for each turn that runs or waits."""
@@ -143,8 +138,6 @@ class Session:
         """The turn that runs; None between turns."""
         self._halting: asyncio.Task[Any] | None = None
         """The task of the running turn while it halts; None otherwise."""
-        self._cancelled_at = 0.0
-        """When a turn was last cancelled, in seconds of the monotonic clock."""
 
     @property
     def id(self) -> str:
@@ -273,16 +266,11 @@ class Session:
             raise
 
     def cancel(self) -> None:
-        """Cancel the turn that runs, and those that wait. A turn that halts already is left alone."""
-        now = time.monotonic()
-        again = now - self._cancelled_at > self._recancel_after_s
+        """Cancel the turn that runs, and those that wait. A turn that was cancelled before, or halts, is left alone."""
         for task in self._tasks:
-            if task is self._halting:
-                continue
-            # A second cancel at once would interrupt a tool call that tells its server of the first one.
-            if again or not task.cancelling():
+            # A second cancel would interrupt a tool call that tells its server of the first one.
+            if task is not self._halting and not task.cancelling():
                 task.cancel()
-                self._cancelled_at = now
 
     async def close(self) -> None:
         """Cancel every turn, wait until none runs, and disconnect the MCP servers that a client brought.
@@ -291,7 +279,7 @@ class Session:
         """
         while self._tasks:
             self.cancel()
-            await asyncio.wait(self._tasks, timeout=self._recancel_after_s)
+            await asyncio.wait(self._tasks, return_when=asyncio.FIRST_COMPLETED)
         await self.client_servers.close()
 
     async def _run_in_order(self, turn: Turn) -> str:

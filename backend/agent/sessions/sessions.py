@@ -38,6 +38,9 @@ PAGE_BYTES = 256 * 1024
 IDLE_S = 600.0
 """A session that nobody uses is removed from memory after so many seconds."""
 
+END_S = 2.5
+"""How long the end of the process waits for turns that halt. `robot-acp up` kills a process after three seconds."""
+
 
 class Sessions:
     """The sessions of one agent, by id. A session is loaded into memory when somebody opens it."""
@@ -71,6 +74,8 @@ class Sessions:
         self._opening = asyncio.Lock()
         self._tasks: set[asyncio.Task[None]] = set()
         self._absent = AbsentApprovers(self._everybody, grace_s)
+        self._end_at: float | None = None
+        """When the process stops waiting for turns that halt, by the clock of the event loop; None before its end."""
 
     @property
     def open_sessions(self) -> list[Session]:
@@ -267,8 +272,20 @@ class Sessions:
         return await read(self._tools, self._pose_tool)
 
     async def close(self) -> None:
-        """Cancel every turn and wait until the robot is at rest."""
-        await asyncio.gather(*(session.close() for session in self.open_sessions))
+        """Cancel every turn and wait until the robot is at rest, `END_S` seconds at most from the first call on.
+
+        A turn that still halts then ends with the process, as if the process had died: the robot server notices that
+        its client is gone, and the next agent says that the turn was cut short.
+        """
+        loop = asyncio.get_running_loop()
+        self._end_at = self._end_at or loop.time() + END_S
+        closing = [asyncio.create_task(session.close()) for session in self.open_sessions]
+        if closing:
+            _, late = await asyncio.wait(closing, timeout=max(0.0, self._end_at - loop.time()))
+            for task in late:
+                task.cancel()
+            if late:
+                log.error("the agent ends, and the robot is not known to be at rest")
         await asyncio.gather(*self._deleting.values(), return_exceptions=True)
         for task in list(self._tasks):
             task.cancel()

@@ -205,7 +205,7 @@ class Store:
         has_events = sa.exists().where(EVENTS.c.session_id == SESSIONS.c.id)
         query = _ROW.where(has_events)
         if owner is not None:
-            query = query.where(owner == OWNER)
+            query = query.where(OWNER.in_((owner,)))
         for word in _clean(search).lower().split()[:MAX_WORDS]:
             columns = (SESSIONS.c.title, SESSIONS.c.owner)
             query = query.where(sa.or_(*(sa.func.lower(c).contains(word, autoescape=True) for c in columns)))

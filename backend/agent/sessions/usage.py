@@ -14,7 +14,7 @@ from backend.agent.sessions.store import Event, SessionRow, Store
 
 @dataclass
 class SessionUse:
-    """What a session uses. `owner` is the person, `large_bytes` are those of events that may contain a photo or a sound,
+    """What a session uses. `owner` is the person, `large_bytes` those of events that may contain a photo or a sound.
     `updated` is the time of its last event in Unix seconds."""
 
     id: str

@@ -39,6 +39,10 @@ logging.getLogger("LiteLLM").setLevel(logging.WARNING)
 
 log = logging.getLogger(__name__)
 
+_MAX_AHEAD = 64
+"""Parts that are read before the turn takes them; then the provider has to wait."""
+_inferences: set[asyncio.Task[None]] = set()
+"""The tasks in which litellm runs. Of a turn that was cancelled, such a task may end later than the turn."""
 _CUTS: dict[str, CutReason] = {"length": "max_tokens", "content_filter": "refusal"}
 
 
@@ -52,7 +56,42 @@ class _PartialCall:
 async def stream(
     model: str, messages: list[Message], tools: list[ToolSchema], situation: Situation
 ) -> AsyncIterator[Part]:
-    """Run one inference, as `model.Provider` says. The system message holds the situation. Raises `ModelError`."""
+    """Run one inference, as `model.Provider` says. The system message holds the situation. Raises `ModelError`.
+
+    litellm runs in a task of its own, because it loses a cancel that comes at certain moments, for instance while it
+    reads the error of a provider (on Python 3.11, `asyncio.wait_for` then returns as if nothing had happened). The
+    caller waits for the parts alone, so its cancel ends the wait at once, whatever litellm does with its own.
+    """
+    parts: asyncio.Queue[Part | None] = asyncio.Queue()
+    room = asyncio.Semaphore(_MAX_AHEAD)
+
+    async def infer() -> None:
+        async for part in _parts(model, messages, tools):
+            await room.acquire()
+            parts.put_nowait(part)
+
+    def ended(task: asyncio.Task[None]) -> None:
+        _inferences.discard(task)
+        if not task.cancelled():
+            task.exception()  # else asyncio complains of one that nobody waits for any more
+        parts.put_nowait(None)
+
+    inference = asyncio.create_task(infer(), name=f"inference of {model}")
+    _inferences.add(inference)
+    inference.add_done_callback(ended)
+    try:
+        while (part := await parts.get()) is not None:
+            room.release()
+            yield part
+        if inference.cancelled():  # by litellm itself
+            raise _explained(model, asyncio.CancelledError())
+        inference.result()
+    finally:
+        inference.cancel()
+
+
+async def _parts(model: str, messages: list[Message], tools: list[ToolSchema]) -> AsyncIterator[Part]:
+    """The parts of one inference. Raises `ModelError`."""
     calls: list[_PartialCall] = []
     current: dict[int, _PartialCall] = {}
     try:
@@ -87,8 +126,6 @@ async def stream(
                 call.id = call.id or piece.id
                 call.name = call.name or piece.function.name or ""
                 call.arguments.append(piece.function.arguments or "")
-    except asyncio.CancelledError:
-        raise
     except Exception as error:  # litellm raises what its providers raise; all of it is about the model
         log.info("model %s failed: %s", model, type(error).__name__, exc_info=log.isEnabledFor(logging.DEBUG))
         raise _explained(model, error) from error
@@ -115,7 +152,7 @@ def _context_size(model: str) -> int:
         return 0  # a model that the price list does not know
 
 
-def _explained(model: str, error: Exception) -> ModelError:
+def _explained(model: str, error: BaseException) -> ModelError:
     """The error as a sentence for people. The exception's own text stays in the log: it can hold keys and addresses."""
     missing = [k for k in litellm.validate_environment(model).get("missing_keys") or [] if "KEY" in k or "TOKEN" in k]
     name = type(error).__name__

@@ -20,6 +20,7 @@ from backend.agent.sessions.session import Listener, Session
 from backend.agent.turns import elicitation, model, prompts
 from backend.agent.turns.environment import TurnEnvironment
 from backend.agent.turns.phases import Phases, phase_of
+from backend.agent.turns.plan import Plan
 
 PROGRESS_EVERY_S = 0.5
 
@@ -40,9 +41,10 @@ class ToolCalls:
     revoked: str | None = field(default=None, init=False)
     """Why the lease was revoked, as the first half of a sentence; None while it was not."""
     _claim: Claim | None = field(default=None, init=False)
-    _open: list[str] = field(default_factory=list, init=False)
-    """The ids of the calls that were announced and have not ended."""
+    _open: dict[str, str] = field(default_factory=dict, init=False)
+    """The ids of the calls that were announced and have not ended, and the kind of each, which is its phase."""
     _number: int = field(default=0, init=False)
+    _plan: Plan = field(default_factory=Plan, init=False)
 
     @property
     def taken_by(self) -> str | None:
@@ -84,20 +86,21 @@ class ToolCalls:
         if self._claim:
             self.environment.lease.release(self._claim)
 
-    def _next_id(self) -> str:
+    def _next_id(self, kind: str) -> str:
         self._number += 1
         call_id = f"{self.turn_id}.{self._number}"
-        self._open.append(call_id)
+        self._open[call_id] = kind
         return call_id
 
     def _announced(self, tool: Tool, arguments: dict[str, Any]) -> ToolCall:
         only_plans = self.environment.policy.previews(self.session.row.mode, tool.traits)
         if only_plans and tool.preview:
             arguments = arguments | {tool.preview: True}
-        call = ToolCall(self._next_id(), tool, arguments, only_plans)
         reads = only_plans or tool.read_only is True
+        phase = phase_of(tool.traits, reads)
+        call = ToolCall(self._next_id(phase), tool, arguments, only_plans)
         status: updates.ToolStatus = "in_progress" if reads else "pending"
-        self.session.record(updates.tool_call(call.id, tool, arguments, status, phase_of(tool.traits, reads)))
+        self.session.record(updates.tool_call(call.id, tool, arguments, status, phase))
         return call
 
     def _refuse_malformed(self, proposed: model.Call, tool: Tool | None, tools: dict[str, Tool]) -> None:
@@ -105,7 +108,7 @@ class ToolCalls:
         if proposed.name not in (*tools, PLAN_TOOL, prompts.ASK_TOOL):
             why = f"There is no tool {proposed.name}."
         shown = tool or Tool(proposed.name, "", {}, proposed.name, None, None)
-        call_id = self._next_id()
+        call_id = self._next_id(phase_of(shown.traits, shown.read_only is True))
         self.session.record(updates.tool_call(call_id, shown, proposed.arguments or {}, "pending"))
         self._end(call_id, updates.tool_status(call_id, "failed", why))
 
@@ -166,7 +169,7 @@ class ToolCalls:
             self._end(call.id, updates.tool_status(call.id, "failed", verdict.reason, verdict.outcome))
 
     def _end(self, call_id: str, update: updates.Update) -> None:
-        self._open.remove(call_id)
+        self._plan.call_ended(self._open.pop(call_id), failed=update["status"] == "failed")
         self.session.record(update)
 
     async def _ask_person(self, arguments: dict[str, Any] | None) -> bool:
@@ -175,7 +178,7 @@ class ToolCalls:
         if not isinstance(question, str) or not isinstance(options, list) or len(options) < 2:
             return False
         options = [str(option) for option in options]
-        call_id = self._next_id()
+        call_id = self._next_id("person")
         asking = Tool(prompts.ASK_TOOL, "", {}, question, None, True)
         announced = updates.tool_call(call_id, asking, {}, "in_progress", "person")
         self.session.record(announced | {"rawInput": {"question": question, "options": options}})
@@ -195,5 +198,5 @@ class ToolCalls:
         """Show a plan; false when the arguments are no plan, so that the model is told."""
         plan = updates.plan((arguments or {}).get("entries"))
         if plan is not None:
-            self.session.record(plan)
+            self.session.record(plan | {"entries": self._plan.revised(plan["entries"])})
         return plan is not None

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from backend.agent.acp import commands, export, updates
+from backend.agent.control import rest
 from backend.agent.control.permission import Permission
 from backend.agent.control.policy import mode_info
 from backend.agent.robot.mcp_client import ServerUnavailable, Tool
@@ -103,11 +104,15 @@ class Turn:
             self.session.record(updates.message(said))
         if self._calls.acted:  # the next turn must not get a robot that still moves
             with self._phases.during("navigation"):
-                await self.environment.link.at_rest()
+                await rest.until_at_rest(self.environment.link, self._say_apart)
         if self._calls.revoked is not None:
             text = f"{self._calls.revoked}, so I stopped here."
             self.session.record(updates.lease_revoked(text, self._calls.taken_by))
         return reason
+
+    def _say_apart(self, sentence: str) -> None:
+        """Show people a sentence as a paragraph of its own."""
+        self.session.record(updates.message(f"\n\n{sentence}\n\n"))
 
     def close(self) -> None:
         """Free the robot for other turns, and record how much of the model's context is in use."""

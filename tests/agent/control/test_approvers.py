@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from backend.agent.control.approvers import AbsentApprovers, Outcome, PermissionRequests, read_answer
+from backend.identity import Identity, Role
 from tests.processes import PATIENCE_S
 
 CALL = {"toolCallId": "t1", "title": "Say aloud: “Hi.”"}
@@ -17,11 +18,17 @@ def chosen(option: str) -> dict[str, Any]:
     return {"outcome": {"outcome": "selected", "optionId": option}}
 
 
+def proven(name: str) -> Identity:
+    """Somebody with a token."""
+    return Identity(name, Role.OPERATOR, token_id=f"token of {name}")
+
+
 class Person:
     """Somebody who may approve, and answers when the test says so."""
 
     def __init__(self, name: str) -> None:
-        self.name = self.person = name
+        self.name = name
+        self.identity: Identity | None = proven(name)
         self.asked: asyncio.Future[Any] | None = None
         self.offered: list[str] = []
         self.withdrawn = False
@@ -57,9 +64,9 @@ class Attached(PermissionRequests):
         self._tasks.append(asyncio.create_task(work))
         return self._tasks[-1]
 
-    def asking(self, asker: str = "Visitor", excluded: str | None = None) -> asyncio.Task[Outcome]:
-        """A request whether the asker's call may run."""
-        return asyncio.create_task(self.ask("s1", CALL, "speech", asker, excluded))
+    def asking(self, asker: str = "Visitor", *, four_eyes: bool = False) -> asyncio.Task[Outcome]:
+        """A request whether the asker's call may run, which only somebody else may answer where it needs four eyes."""
+        return asyncio.create_task(self.ask("s1", CALL, "speech", asker, proven(asker) if four_eyes else None))
 
 
 @pytest.fixture
@@ -145,13 +152,46 @@ async def test_the_answer_of_one_who_may_no_longer_approve_does_not_count(ana: P
 
 async def test_what_needs_four_eyes_is_not_asked_of_the_asker(ana: Person, ben: Person) -> None:
     requests = Attached(ana, ben)
-    question = requests.asking("Ana", excluded="Ana")
+    question = requests.asking("Ana", four_eyes=True)
     await asked(ben)
     assert ana.asked is None
     ben.says("allow_once")
     assert (await question).by == "Ben"
-    alone = Attached(ana).asking("Ana", excluded="Ana")
+    alone = Attached(ana).asking("Ana", four_eyes=True)
     assert await alone == Outcome(False, "nobody")
+
+
+async def test_a_client_that_no_token_proves_is_no_second_person(ana: Person, ben: Person) -> None:
+    ben.identity = Identity("local", Role.SUPERVISOR)
+    alone = Attached(ben).asking("Ana", four_eyes=True)
+    assert await alone == Outcome(False, "nobody")
+    assert ben.asked is None
+    nobody_knows_who = Attached(ana).ask("s1", CALL, "speech", "local", ben.identity)
+    assert await nobody_knows_who == Outcome(False, "nobody")
+    assert ana.asked is None
+
+
+async def test_who_becomes_the_asker_while_the_question_is_open_does_not_answer_it(ana: Person, ben: Person) -> None:
+    question = Attached(ben).asking("Ana", four_eyes=True)
+    await asked(ben)
+    ben.identity = proven("Ana")  # the same connection, logged in anew
+    ben.says("allow_once")
+    assert await question == Outcome(False, "nobody")
+
+
+async def test_a_client_without_a_token_is_not_expected_back_for_somebody_of_its_name(ana: Person) -> None:
+    unproven, requests = Person("Ana"), Attached(ana)
+    unproven.identity = Identity("Ana", Role.SUPERVISOR)
+    requests.attach(unproven)
+    requests.detach(ana)
+    requests.detach(unproven)
+    question = requests.asking("Ben", four_eyes=True)
+    await asyncio.sleep(0)
+    assert not question.done()
+    requests.attach(ana)
+    await asked(ana)
+    ana.says("allow_once")
+    assert (await question).by == "Ana"
 
 
 async def test_nobody_to_ask_refuses_at_once() -> None:
@@ -167,7 +207,7 @@ async def test_with_somebody_who_may_come_it_waits_and_asks_who_comes(ana: Perso
     await asked(ana)
     ana.says("allow_once")
     assert (await question).by == "Ana"
-    assert await requests.asking("Ana", excluded="Ana") == Outcome(False, "nobody")
+    assert await requests.asking("Ana", four_eyes=True) == Outcome(False, "nobody")
 
 
 async def test_no_answer_in_time_refuses(ana: Person) -> None:
@@ -283,7 +323,7 @@ async def test_a_connection_that_breaks_is_somebody_who_may_come_back(ana: Perso
 async def test_whoever_asked_is_not_waited_for_where_somebody_else_has_to_agree(ana: Person) -> None:
     requests = Attached(ana)
     requests.detach(ana)
-    assert await requests.asking("Ana", excluded="Ana") == Outcome(False, "nobody")
+    assert await requests.asking("Ana", four_eyes=True) == Outcome(False, "nobody")
 
 
 async def test_one_who_opens_the_session_again_is_asked_again_and_refuses_nothing_by_that(ana: Person) -> None:
@@ -313,7 +353,7 @@ async def test_one_who_comes_later_gets_the_pending_question(ana: Person, ben: P
 
 @pytest.mark.parametrize("option", ["allow_always", "reject_always"])
 async def test_what_needs_four_eyes_has_no_always(ana: Person, option: str) -> None:
-    question = Attached(ana).asking("Ben", excluded="Ben")
+    question = Attached(ana).asking("Ben", four_eyes=True)
     await asked(ana)
     assert ana.asked is not None
     assert ana.offered == ["allow_once", "reject_once"]

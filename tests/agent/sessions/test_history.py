@@ -141,13 +141,23 @@ def test_a_fork_has_the_refusals_and_not_the_permissions_of_its_past() -> None:
     speak = Tool("speak", "Speak", {}, "Speak", None, False)
     history = history_of(
         updates.tool_call("t.1", DRIVE, {}, "pending"),
-        updates.tool_status("t.1", "in_progress", outcome=Outcome(True, "selected", "allow_always", "Ana")),
+        updates.tool_status("t.1", "in_progress", outcome=Outcome(True, "selected", "allow_always", "Ana", "f1")),
         updates.tool_call("t.2", speak, {}, "pending"),
-        updates.tool_status("t.2", "failed", outcome=Outcome(False, "selected", "reject_always", "Ana")),
+        updates.tool_status("t.2", "failed", outcome=Outcome(False, "selected", "reject_always", "Ana", "f2")),
     )
     assert history.remembered == {"navigate_to_place": True, "speak": False}
     history.apply(updates.forked("s0"))
     assert history.remembered == {"speak": False}
+    assert (history.answer_for("f1"), history.answer_for("f2")) == (None, False)
+
+
+def test_an_answer_for_a_session_that_does_not_say_for_which_tool_counts_for_none() -> None:
+    history = history_of(
+        updates.tool_call("t.1", DRIVE, {}, "pending"),
+        updates.tool_status("t.1", "in_progress", outcome=Outcome(True, "selected", "allow_always", "Ana")),
+    )
+    assert history.remembered == {}
+    assert history.answer_for("") is None
 
 
 def test_pictures_of_turns_that_no_model_is_given_any_more_are_not_kept() -> None:
