@@ -34,6 +34,8 @@ logger = logging.getLogger(__name__)
 
 MOST_PLANS = 2
 """Paths that are planned at the same time: more would take the processor from the guard."""
+MOST_WAITING_PLANS = 50
+"""Paths that are asked for at the same time without a drive; a drive is always planned."""
 STALE_AFTER = 1.0
 """Seconds on the robot's clock after which a pose is reported as stale."""
 PROTECTIVE = frozenset({"blocked", "lost"})
@@ -93,6 +95,7 @@ class Pilot:
         self._veto: Refusal | None = None  # why the path that the robot changed to is refused, during a motion
         self._intent: _Intent | None = None  # the motion under way, from its first rule to its end
         self._planners = asyncio.Semaphore(MOST_PLANS)
+        self._waiting_plans = 0  # paths that are asked for without a drive, until they are there
         self._preview: PathPreview | None = (
             None  # the path that is shown or being computed for it, until it is withdrawn
         )
@@ -132,6 +135,15 @@ class Pilot:
     async def plan(self, goal: Pose, *, final_yaw: bool, preview: PathPreview | None = None) -> Route:
         """Compute the path to a goal; with a `preview`, show it in telemetry. Moves nothing. Raises `Refusal`."""
         safety.goal_is_ordinary(goal)
+        if self._waiting_plans >= MOST_WAITING_PLANS:
+            raise Refusal("busy", f"{MOST_WAITING_PLANS} paths are being planned already. Ask again in a moment.")
+        self._waiting_plans += 1
+        try:
+            return await self._plan_only(goal, final_yaw, preview)
+        finally:
+            self._waiting_plans -= 1
+
+    async def _plan_only(self, goal: Pose, final_yaw: bool, preview: PathPreview | None) -> Route:
         if preview is None:
             return await self._plan(goal, final_yaw)
         if preview.rehearsal:

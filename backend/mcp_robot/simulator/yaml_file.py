@@ -21,6 +21,8 @@ MAX_BYTES = 500_000
 """The largest file: some thousand places. PyYAML needs about 5 s for it."""
 MAX_DEPTH = 20
 """Lists and maps within each other."""
+MAX_REASON = 200
+"""Characters of a reason that an error repeats."""
 SHOWN = 8
 """Mistakes that one error lists."""
 _NOT_KNOWN = "there is no such key; look for a typing mistake"
@@ -46,14 +48,19 @@ def read(file: Path, model: type[Model]) -> Model:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
-        raise WorldError(f"{file} is not valid YAML: {where}{error.problem}.") from None
+        raise WorldError(f"{file} is not valid YAML: {where}{_short(error.problem)}.") from None
     except (yaml.YAMLError, ValueError, OverflowError) as error:  # a character, date or number that Python cannot have
-        reason = str(error).splitlines()[0]
-        raise WorldError(f"{file} is not valid YAML: {reason}.") from None
+        raise WorldError(f"{file} is not valid YAML: {_short(error)}.") from None
     try:
         return model.model_validate(content)
     except ValidationError as error:
         raise WorldError(f"{file} cannot be used:\n" + "\n".join(_mistakes(error))) from None
+
+
+def _short(reason: object) -> str:
+    """One line of a limited length: a parser repeats what it cannot read."""
+    line = str(reason).partition("\n")[0]
+    return line if len(line) <= MAX_REASON else f"{line[:MAX_REASON]}…"
 
 
 def _text(file: Path) -> str:
@@ -77,8 +84,8 @@ def _mistakes(error: ValidationError) -> list[str]:
     every = error.errors(include_url=False, include_context=False, include_input=False)
     lines = []
     for each in every[:SHOWN]:
-        where = ".".join(map(str, each["loc"]))[:200] or "file"
-        lines.append(f"  {where}: {_NOT_KNOWN if each['type'] == 'extra_forbidden' else each['msg']}")
+        where = _short(".".join(map(str, each["loc"]))) or "file"
+        lines.append(f"  {where}: {_NOT_KNOWN if each['type'] == 'extra_forbidden' else _short(each['msg'])}")
     if len(every) > SHOWN:
         lines.append(f"  and {len(every) - SHOWN} more")
     return lines

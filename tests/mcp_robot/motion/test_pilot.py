@@ -11,7 +11,7 @@ import pytest
 
 from backend.config import Limits
 from backend.mcp_robot.motion.path_preview import PathPreview
-from backend.mcp_robot.motion.pilot import Pilot
+from backend.mcp_robot.motion.pilot import MOST_WAITING_PLANS, Pilot
 from backend.mcp_robot.motion.stop import StopLatch
 from backend.mcp_robot.refusal import Refusal
 from backend.mcp_robot.robot import Fix, Route, Sound, Velocity
@@ -46,6 +46,19 @@ async def robot(office: World) -> AsyncIterator[Thoughtful]:
     robot = Thoughtful(office)
     async with robot.running():
         yield robot
+
+
+async def test_so_many_paths_are_asked_for_at_once_and_a_drive_all_the_same(robot: Thoughtful, tmp_path: Path) -> None:
+    pilot = Pilot(robot, StopLatch(tmp_path), Limits())
+    plans = [asyncio.create_task(pilot.plan(KITCHEN, final_yaw=False)) for _ in range(MOST_WAITING_PLANS)]
+    await robot.asked.wait()
+    with pytest.raises(Refusal, match=r"^busy: 50 paths are being planned already"):
+        await pilot.plan(KITCHEN, final_yaw=False)
+    drive = asyncio.create_task(pilot.navigate(Pose(1.4, 3.1, 0.0), final_yaw=False))
+    robot.let.set()
+    await drive
+    await asyncio.gather(*plans)
+    await pilot.plan(KITCHEN, final_yaw=False)
 
 
 @pytest.mark.parametrize("released", [True, False])
