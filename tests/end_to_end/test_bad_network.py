@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import asyncio
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
 import pytest
-from playwright.async_api import Page, expect
+from playwright.async_api import Page, WebSocketRoute, expect
 
 from backend.identity import Role
+from tests.end_to_end import screens
 from tests.end_to_end.conftest import Opener, Running, at_work
 from tests.end_to_end.proxy import Proxy, proxy_to
 from tests.end_to_end.test_dashboard import ready
+from tests.end_to_end.test_papers_session import ask
 from tests.processes import Robot, eventually
 
 
@@ -112,3 +116,50 @@ async def test_a_screen_that_cannot_be_loaded_has_a_stop_that_says_whether_it_wo
         proxy.missing = ()
         await page.get_by_role("button", name="Load again").click()
         await expect(page.get_by_test_id("stop-band")).to_be_visible()
+
+
+async def test_a_prompt_that_was_lost_with_the_line_is_in_the_field_again(up: Running, open_plain: Opener) -> None:
+    page = await open_plain("about:blank")
+    lost: list[asyncio.Future[None]] = []
+
+    def follow(page_side: WebSocketRoute) -> None:
+        server = page_side.connect_to_server()
+
+        def take(message: str | bytes) -> None:
+            if "take a photo" in str(message) and not lost:
+                lost.append(asyncio.ensure_future(page_side.close()))
+            else:
+                server.send(message)
+
+        page_side.on_message(take)
+
+    await page.route_web_socket(re.compile("/acp$"), follow)
+    await page.goto(f"{up.base}/#token={up.robot.token('Sue', Role.SUPERVISOR)}")
+    await ready(page)
+    await screens.new_session(page)
+    await ask(page, "where are you?")
+    await expect(page.get_by_test_id("agent-message").last).to_contain_text("I am at x")
+    await screens.idle(page)
+    await ask(page, "take a photo")
+    await expect(page.get_by_test_id("composer")).to_have_value("take a photo")
+    await expect(page.get_by_text("That was not sent").first).to_be_visible()
+    await expect(page.get_by_test_id("user-message")).to_have_count(1)
+    await screens.online(page)
+    await page.get_by_test_id("send").click()
+    await expect(page.get_by_test_id("agent-message").last).to_contain_text("Here is what I see.")
+    await expect(page.get_by_test_id("user-message")).to_have_count(2)
+
+
+async def test_the_session_on_the_screen_is_deleted_without_a_complaint(up: Running, open_plain: Opener) -> None:
+    page = await open_plain(f"{up.base}/#token={up.robot.token('Sue', Role.SUPERVISOR)}")
+    await ready(page)
+    await screens.new_session(page)
+    await ask(page, "where are you?")
+    await expect(page.get_by_test_id("agent-message").last).to_contain_text("I am at x")
+    await screens.idle(page)
+    deleted = page.url
+    await page.locator(".session[data-current=true]").get_by_role("button", name=re.compile("^Delete")).click()
+    await page.get_by_role("alertdialog").get_by_role("button", name="Delete").click()
+    await page.wait_for_url(lambda url: url != deleted and "#/s/" in url)
+    await screens.online(page)
+    await expect(page.locator(".toast")).to_have_count(0)

@@ -328,3 +328,37 @@ async def test_the_microphone_is_there_only_when_the_address_says_so(
     page = await open_kiosk(open_page, kiosk(up, query))
     assert await page.evaluate("'webkitSpeechRecognition' in window || 'SpeechRecognition' in window")
     await expect(page.get_by_test_id("kiosk-voice")).to_have_count(int(there))
+
+
+MICROPHONE = """
+window.recordings = [];
+window.SpeechRecognition = window.webkitSpeechRecognition = class extends EventTarget {
+  start() { recordings.push(this); }
+  abort() { this.aborted = true; }
+};
+window.hear = (words) => {
+  const result = Object.assign(new Event('result'), { results: [[{ transcript: words }]] });
+  for (const one of recordings) one.dispatchEvent(result);
+};
+"""
+"""Speech recognition as Chromium has it, without its server; it may still hear something after its end."""
+
+
+async def test_the_microphone_ends_with_the_request_and_with_the_visitor(up: Running, open_page: Opener) -> None:
+    page = await open_page("about:blank", viewport=COLUMN, has_touch=True)
+    await page.add_init_script(MICROPHONE)
+    await page.goto(kiosk(up, "map=off&voice=on"))
+    field = page.get_by_test_id("kiosk-field")
+    await page.get_by_test_id("kiosk-voice").tap()
+    await page.evaluate("hear('where are you')")
+    await expect(field).to_have_value("where are you")
+    await page.get_by_test_id("kiosk-send").tap()
+    await page.evaluate("hear('a secret')")
+    await answered(page, "I am at")
+    await expect(field).to_have_value("")
+    await page.get_by_test_id("kiosk-voice").tap()
+    await page.evaluate("hear('another secret')")
+    await page.get_by_test_id("kiosk-start-over").tap()
+    await page.evaluate("hear('a third secret')")
+    await expect(field).to_have_value("")
+    assert await page.evaluate("recordings.length === 2 && recordings.every((one) => one.aborted)")

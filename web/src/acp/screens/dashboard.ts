@@ -2,6 +2,7 @@
  * What the dashboard does with the connection: lists and opens sessions, and watches the session that controls the robot,
  * so that its questions come here.
  */
+import { RequestError } from "@agentclientprotocol/sdk";
 import { canApprove, canPrompt } from "../../state/rights";
 import { getState, setState } from "../../state/store";
 import type { Telemetry } from "../../wire/telemetry";
@@ -28,7 +29,9 @@ export function startDashboard(): () => void {
     onOpen: async (_agent, initialized) => {
       watchedControllerId = null;
       setState({ canDelete: initialized.agentCapabilities?.sessionCapabilities?.delete != null });
-      await listSessions();
+      await listSessions().catch((error: unknown) => {
+        if (!(error instanceof RequestError)) throw error; // an agent without its log is still connected
+      });
       const { auth } = getState();
       await openFirstSession(auth.status === "in" && canPrompt(auth.me.role));
     },

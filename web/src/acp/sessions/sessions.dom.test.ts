@@ -6,6 +6,7 @@ import {
   RECENT_SESSIONS,
   deleteSession,
   newSession,
+  openFirstSession,
   openSession,
   prompt,
   receiveUpdate,
@@ -133,7 +134,11 @@ describe("with an agent that answers late", () => {
   }
 
   function told(seq: number, update: object): void {
-    receiveUpdate({ sessionId: "s1", update, _meta: { [META.seq]: seq, [META.at]: seq } } as never);
+    receiveUpdate({
+      sessionId: "s1",
+      update,
+      _meta: { [META.seq]: seq, [META.at]: Date.now() / 1000 },
+    } as never);
   }
 
   const ownWords = {
@@ -144,6 +149,7 @@ describe("with an agent that answers late", () => {
 
   beforeEach(() => {
     window.history.replaceState(null, "", "/");
+    window.localStorage.clear();
     setState({ canResume: true });
     connect();
   });
@@ -191,6 +197,13 @@ describe("with an agent that answers late", () => {
     asked(session.load)[1]?.answer({});
     await again;
     expect(getState()).toMatchObject({ opening: false, notOpened: null });
+  });
+
+  it("stays connected, and says why, where the agent can open no session at all", async () => {
+    const done = openFirstSession(true);
+    asked(session.new)[0]?.fail(new RequestError(-32603, "The log cannot be written."));
+    await done;
+    expect(getState()).toMatchObject({ opening: false, notOpened: "The log cannot be written." });
   });
 
   it("says that a prompt was not sent when there is no connection", async () => {

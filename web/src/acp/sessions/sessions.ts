@@ -106,6 +106,7 @@ function reportTakeOver(sessionId: string, by: string | null): void {
   toast("warning", i18next.t("people.lost", { name: by, robot: robotName(getState()) }));
 }
 
+/** Rejects where the agent cannot list them, as when its log is away. */
 export async function listSessions(): Promise<void> {
   const agent = getAgent();
   if (agent === null) return;
@@ -149,8 +150,13 @@ export async function openFirstSession(mayPrompt: boolean): Promise<void> {
   if (wanted !== null && (await openSession(wanted))) return;
   const newest = getState().sessions.find(({ sessionId }) => sessionId !== wanted);
   if (newest !== undefined && (await openSession(newest.sessionId))) return;
-  if (mayPrompt) await newSession();
-  else setState({ currentId: null, opening: false });
+  setState({ currentId: null, opening: false });
+  if (!mayPrompt) return;
+  await newSession().catch((error: unknown) => {
+    // The connection is good: everything that needs no session goes on.
+    if (!(error instanceof RequestError)) throw error;
+    setState({ notOpened: error.message });
+  });
 }
 
 /** Puts a session that the agent has opened into the store; from now on its updates are applied as they come. */

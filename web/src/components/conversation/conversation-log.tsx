@@ -7,7 +7,7 @@ import { useStickToEnd } from "../../hooks/use-stick-to-end";
 import type { Item } from "../../state/conversation/conversation";
 import { canPrompt } from "../../state/rights";
 import { robotName, useMe, useStore } from "../../state/store";
-import { openSession } from "../../acp/sessions/sessions";
+import { openFirstSession, openSession } from "../../acp/sessions/sessions";
 import { SentenceWithQuote } from "../common/sentence-with-quote";
 import { Boundary } from "../common/boundary";
 import { AgentMessage, Note, Thought, UserMessage } from "./messages";
@@ -123,7 +123,7 @@ function NotOpened() {
         type="button"
         className="button"
         onClick={() => {
-          if (sessionId !== null) openSession(sessionId).catch(() => undefined);
+          void (sessionId === null ? openFirstSession(true) : openSession(sessionId)).catch(() => undefined);
         }}
       >
         {t("pane.again")}

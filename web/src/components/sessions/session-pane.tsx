@@ -65,7 +65,9 @@ function SessionList({ onChosen }: { onChosen: () => void }) {
     return items[at + 1] ?? items[at - 1] ?? newButton.current;
   };
   const begin = (): void => {
-    newSession().then(onChosen, () => undefined);
+    newSession().then(onChosen, (error: unknown) => {
+      if (error instanceof Error) toast("warning", error.message, "en");
+    });
   };
   return (
     <>
