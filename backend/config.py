@@ -269,7 +269,8 @@ class Settings(BaseSettings):
 
     @property
     def _own_robot_url(self) -> str:
-        return f"http://{self.robot.host}:{self.robot.port}"
+        host = f"[{self.robot.host}]" if ":" in self.robot.host else self.robot.host
+        return f"http://{host}:{self.robot.port}"
 
     @property
     def agent_address(self) -> str:
