@@ -10,8 +10,8 @@ import asyncio
 import contextlib
 import logging
 import math
-from collections.abc import AsyncIterator, Callable
-from typing import Any
+from collections.abc import AsyncIterator, Callable, Coroutine
+from typing import Any, TypeVar
 
 import httpx
 import msgspec
@@ -35,6 +35,7 @@ STALE_S = 2.0
 _CONNECTION_ERRORS = (OSError, WebSocketException, msgspec.DecodeError)
 """The errors with which a telemetry connection ends."""
 
+_Answer = TypeVar("_Answer")
 Watcher = Callable[["telemetry.State | None"], None]
 
 
@@ -56,7 +57,8 @@ class RobotClient:
         self._silent = False
         self._news = asyncio.Condition()
         self._watchers: set[Watcher] = set()
-        self._stopping: set[asyncio.Task[dict[str, Any]]] = set()
+        self._requests: set[asyncio.Task[Any]] = set()
+        """Requests that go on although nobody waits for them any more."""
 
     @property
     def keeps_a_stop(self) -> bool:
@@ -161,11 +163,8 @@ class RobotClient:
     async def stop(self, by: str) -> dict[str, Any]:
         """Stop the robot: `{"stopped": {by, at}}`. Cancelling the caller does not cancel the request. Raises
         `NotStopped`."""
-        stopping = asyncio.create_task(self._server.stop(by), name="stop")
-        self._stopping.add(stopping)
-        stopping.add_done_callback(self._stopping.discard)
         try:
-            return await asyncio.shield(stopping)
+            return await self._outlasting(self._server.stop(by))
         except RobotError as error:
             log.error("the robot has not confirmed a stop by %s: %s", by, error)
             raise
@@ -175,8 +174,16 @@ class RobotClient:
         return await self._server.release(by)
 
     async def forget_preview(self, own: str) -> None:
-        """Withdraw the preview with this id. A failure is logged and not raised: a preview ends by itself, too."""
+        """Withdraw the preview with this id. Cancelling the caller does not cancel the request. A failure is logged and
+        not raised: a preview ends by itself, too."""
         try:
-            await self._server.forget_preview(own)
+            await self._outlasting(self._server.forget_preview(own))
         except (httpx.HTTPError, TimeoutError) as error:
             log.info("the preview could not be taken back: %s", type(error).__name__)
+
+    async def _outlasting(self, request: Coroutine[Any, Any, _Answer]) -> _Answer:
+        """Wait for a request that goes on when the caller is cancelled; so no cancel is lost inside the HTTP client."""
+        task = asyncio.create_task(request)
+        self._requests.add(task)
+        task.add_done_callback(self._requests.discard)
+        return await asyncio.shield(task)
