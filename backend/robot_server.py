@@ -30,7 +30,8 @@ WARM_S = 2.0
 """How often a connection that nobody uses is used for a health check. The robot server closes one after 5 s."""
 MAX_TELEMETRY_BYTES = 64 * 1024 * 1024
 MAX_ANSWER_BYTES = 64 * 1024
-PING_S = 5.0
+PING_S = 20.0
+"""How often the telemetry's WebSocket is probed; one that does not answer for as long again is closed."""
 
 NO_STOP_PATH = "This robot has no stop path here, so it was not stopped."
 CANNOT_STOP = "The robot cannot be reached to stop it."
@@ -138,7 +139,7 @@ class RobotServerClient:
         """Withdraw the preview with this id. Raises `httpx.HTTPError` or `TimeoutError`."""
         await self._ask("DELETE", f"/preview/{own}", seconds=HEALTH_S)
 
-    def telemetry(self) -> connect:
+    def telemetry(self, ping_s: float = PING_S) -> connect:
         """A connection to the telemetry stream. Raises `RobotError` without one."""
         if self._base is None:
             raise RobotError("This robot has no telemetry.")
@@ -149,8 +150,8 @@ class RobotServerClient:
             proxy=None,
             ssl=tls_context() if self._base.startswith("https:") else None,
             max_size=MAX_TELEMETRY_BYTES,
-            ping_interval=PING_S,
-            ping_timeout=PING_S,
+            ping_interval=ping_s,
+            ping_timeout=ping_s,
         )
 
     async def keep_warm(self) -> None:

@@ -113,6 +113,7 @@ def test_our_secret_is_for_our_robot_server_alone() -> None:
     everywhere = config.load(robot={"host": "0.0.0.0"})  # noqa: S104 - not bound
     assert everywhere.is_our_robot_server("http://127.0.0.1:8000")
     assert not everywhere.is_our_robot_server("http://192.0.2.1:8000")
+    assert config.load(robot={"host": "::1"}).robot_mcp_url == "http://[::1]:8000/mcp"
 
 
 @pytest.mark.parametrize(

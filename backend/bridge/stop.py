@@ -8,6 +8,7 @@ seconds. It never says that the robot has stopped unless the robot's own server 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from typing import Any
 
 import orjson
@@ -19,6 +20,7 @@ from backend.robot_server import OWN_STOP, NotStopped, RobotError, RobotServerCl
 
 _AGENT_SECONDS = 2.5
 _NO_AGENT = "The agent does not answer, so its turns were not cancelled either."
+_REFUSED = "The agent did not accept this login, so its turns were not cancelled either."
 _OTHER_AGENT = "This agent cannot cancel the turns of all people; cancel in each session."
 
 
@@ -42,7 +44,8 @@ class RobotStop:
             stopped = await self._robot.stop(login.identity.name)
         except NotStopped as failed:
             return _settled(failed, await told)
-        await told  # its turns are to end also when the robot has stopped: it may not stay stopped
+        with contextlib.suppress(RobotError):
+            await told  # its turns are to end also when the robot has stopped: it may not stay stopped
         return stopped
 
     async def _through_agent(self, login: Login) -> dict[str, Any] | str:
@@ -67,8 +70,8 @@ async def _ask(stream: dial.Stream, token: str) -> dict[str, Any] | str:
         await stream.send(orjson.dumps(request))
         while (answer := wire.check(await stream.receive())).kind != "response" or answer.id != request_id:
             pass
-        if "error" in answer.body:
-            break
+        if method == "initialize" and "error" in answer.body:
+            return _REFUSED
     result, error = answer.body.get("result"), answer.body.get("error")
     if isinstance(result, dict) and isinstance(result.get("stopped"), dict):
         return {"stopped": result["stopped"]}

@@ -22,6 +22,8 @@ _WATCHED_RATE = 20.0
 _CAMERA_RATE = 5.0
 _UNWATCHED_RATE = 2.0
 """The most messages a second of each channel."""
+_PING = 5.0
+"""s between two probes of the connection."""
 _FIRST_DELAY = 0.25
 _LONGEST_DELAY = 5.0
 """s between attempts to connect."""
@@ -59,7 +61,7 @@ class TelemetryFeed:
         delay, last_error = _FIRST_DELAY, ""
         while True:
             try:
-                async with self._robot.telemetry() as stream:
+                async with self._robot.telemetry(_PING) as stream:
                     log.info("scene: the robot's telemetry is connected")
                     delay, last_error = _FIRST_DELAY, ""
                     await first_completed(self._read(stream), self._subscribe(stream))
