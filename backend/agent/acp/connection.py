@@ -164,9 +164,9 @@ class ClientConnection:
         return None
 
     async def _read_line(self) -> bytes | None:
-        """The next line; before the login a short one. Raises `TimeoutError` where the first does not come in time."""
+        """The next line; a short one of whoever may not prompt. Raises `TimeoutError` where the first is too late."""
         await self._pace.wait()
-        if self._identity or self._before_login is None:
+        if self._before_login is None or (self._identity is not None and self._identity.may(Right.PROMPT)):
             return await wire.read_line(self._reader)
         limit = self._limits.settings.max_bytes_before_login
         if self.initialized:
