@@ -145,9 +145,7 @@ class AgentRequests(_Section):
     )
     messages_burst: int = Field(20_000, ge=100, description="so many may come at once; more are read later")
     initialize_timeout: float = Field(30.0, gt=0, description="seconds in which a new connection has to initialize")
-    max_bytes_before_login: int = Field(
-        64 * 1024, ge=4096, description="of one message; also of a login that may not prompt"
-    )
+    max_bytes_before_login: int = Field(64 * 1024, ge=4096, description="of one message")
     max_before_login: int = Field(256, ge=8, description="connections before login; beyond it the oldest is closed")
     max_before_login_per_address: int = Field(16, ge=1, description="the same from one address, except loopback")
 

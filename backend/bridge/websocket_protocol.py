@@ -26,7 +26,7 @@ from backend.connections_before_login import ConnectionsBeforeLogin, Use
 from backend.rates import TokenBucket
 
 SHORT_MESSAGE_BYTES = 64 * 1024
-"""More than anybody needs who is not logged in, or only watches."""
+"""More than is needed before the login, and by the scene."""
 _EXTENSION = "robot-acp.websocket"
 _READ_BYTES = 2048
 """So much is read from a connection before the others have their turn: 250 messages of the smallest size."""

@@ -211,5 +211,5 @@ async def test_another_connection_of_a_login_in_debt_is_heard_at_once(bridge_wit
 )
 async def test_one_who_has_nothing_long_to_say_cannot_fill_the_memory(bridge, closing, path, role):
     async with bridge.websocket(path, token=bridge.token(role), subprotocols=[SUBPROTOCOL]) as page:
-        await page.send("x" * 100_000)
+        await page.send("x" * (2_000_000 if path == "/acp" else 100_000))
         assert (await closing(page))[0] == 1009

@@ -164,10 +164,14 @@ class ClientConnection:
         return None
 
     async def _read_line(self) -> bytes | None:
-        """The next line; a short one of whoever may not prompt. Raises `TimeoutError` where the first is too late."""
+        """The next line; a short one before the login. Raises `TimeoutError` where the first does not come in time."""
         await self._pace.wait()
-        if self._before_login is None or (self._identity is not None and self._identity.may(Right.PROMPT)):
-            return await wire.read_line(self._reader)
+        who = self._identity
+        if self._before_login is None or who is not None:
+            is_reader = who is not None and not who.may(Right.PROMPT)
+            return await wire.read_line(
+                self._reader, wire.MAX_READER_FRAME_BYTES if is_reader else wire.MAX_FRAME_BYTES
+            )
         limit = self._limits.settings.max_bytes_before_login
         if self.initialized:
             return await wire.read_line(self._reader, limit)

@@ -108,7 +108,7 @@ async def test_a_message_before_the_login_is_short(strict: Robot) -> None:
 async def test_after_the_login_those_who_may_prompt_send_long_ones(strict: Robot, role: Role, outcome: str) -> None:
     async with dialled(strict) as [pair]:
         await initialize(pair, strict.token("Ana", role))
-        pair[1].write(b'{"jsonrpc":"2.0","id":1,"method":"session/list","params":{"x":"' + b"a" * 700_000 + b'"}}\n')
+        pair[1].write(b'{"jsonrpc":"2.0","id":1,"method":"session/list","params":{"x":"' + b"a" * 1_700_000 + b'"}}\n')
         async with asyncio.timeout(PATIENCE_S):
             assert outcome in json.loads(await pair[0].readline())
 
