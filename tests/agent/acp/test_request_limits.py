@@ -199,7 +199,7 @@ async def test_another_connection_of_the_login_is_refused_and_another_login_is_n
         line(robot, token) as other,
         line(robot, robot.token("Vera", Role.VIEWER)) as namesake,
     ):
-        for _ in range(100):
+        for _ in range(500):
             many = [one.ask("session/list") for _ in range(30)]
             await asyncio.gather(*many, other.ask("session/list"))  # alone, this one is not too often
             if other.refused:
@@ -210,7 +210,7 @@ async def test_another_connection_of_the_login_is_refused_and_another_login_is_n
 
 async def test_notifications_count_too(robot: Robot) -> None:
     async with line(robot, robot.token("Vera", Role.VIEWER)) as viewer:
-        viewer.notify("_nonsense", 3000)
+        viewer.notify("_nonsense", 5000)
         assert (await viewer.ask("session/list"))["error"]["code"] == wire.LIMIT_EXCEEDED
 
 
