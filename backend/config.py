@@ -176,10 +176,10 @@ class AgentRequests(_Section):
     """How much one login may ask of the agent, and how connections before login are limited. A cancel and a stop are
     never refused."""
 
-    per_second: float = Field(100.0, gt=0, description="requests and notifications of one login")
-    burst: int = Field(500, ge=10, description="so many of them may come at once; more are answered with an error")
-    pending_per_connection: int = Field(64, ge=4, description="requests that wait for their answers")
-    pending_per_login: int = Field(256, ge=4, description="the same over all connections of one login")
+    per_second: float = Field(200.0, gt=0, description="requests and notifications of one login")
+    burst: int = Field(2000, ge=10, description="so many of them may come at once; more are answered with an error")
+    pending_per_connection: int = Field(32, ge=4, description="requests that wait for their answers")
+    pending_per_login: int = Field(128, ge=4, description="the same over all connections of one login")
     messages_per_second: float = Field(
         1000.0, gt=0, description="messages read from one login, refused ones included; a message of 4 kB counts as two"
     )

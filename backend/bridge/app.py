@@ -72,7 +72,8 @@ def create_app(
     app.include_router(login.router(authenticator, settings.robot.name))
     app.include_router(api.router(authenticator, robot, RobotStop(robot, settings.agent_address), health))
     pages, per_login = max_pages or bridge.max_connections, limits.pages_per_login
-    acp_limit = ConnectionLimit(authenticator, pages, per_login, ReadingPace(bridge.requests))
+    acp_pace = ReadingPace(bridge.requests)
+    acp_limit = ConnectionLimit(authenticator, pages, per_login, acp_pace, bridge.max_frame_bytes)
     scene_sockets, per_login = pages * SCENE_SOCKETS_PER_PAGE, per_login * SCENE_SOCKETS_PER_PAGE
     scene_limit = ConnectionLimit(authenticator, scene_sockets, per_login, ReadingPace(bridge.requests))
     acp = AcpSocket(authenticator, agent, max_frame_bytes=bridge.max_frame_bytes, limits=limits)

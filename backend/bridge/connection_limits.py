@@ -17,10 +17,11 @@ from backend.bridge.close_codes import TRY_AGAIN_LATER, CloseReason, close
 from backend.bridge.login import SUBPROTOCOL, Authenticator, Login, LoginError
 from backend.bridge.origin import OriginError
 from backend.bridge.reading_pace import ReadingPace
-from backend.bridge.websocket_protocol import WebSocketProtocol
+from backend.bridge.websocket_protocol import SHORT_MESSAGE_BYTES, WebSocketProtocol
 from backend.http_protocol import BACKLOG
 from backend.identity import Identity, Right
 from backend.tokens import RegistryError
+from backend.wire import MAX_READER_FRAME_BYTES
 
 SCENE_SOCKETS_PER_PAGE = 3
 """What a page opens beside `/acp`: the scene, its control, the robot's camera."""
@@ -48,12 +49,19 @@ class ConnectionLimit:
     """
 
     def __init__(
-        self, authenticator: Authenticator, total: int, per_login: int, pace: ReadingPace | None = None
+        self,
+        authenticator: Authenticator,
+        total: int,
+        per_login: int,
+        pace: ReadingPace | None = None,
+        max_message_bytes: int = SHORT_MESSAGE_BYTES,
     ) -> None:
+        """`max_message_bytes` is for people who may prompt; others have nothing long to say."""
         self._authenticator = authenticator
         self._total = total
         self._per_login = per_login
         self._pace = pace or ReadingPace()
+        self._max_message_bytes = max_message_bytes
         self._open = Counter[str]()  # WebSockets, by login
 
     def endpoint(
@@ -70,7 +78,9 @@ class ConnectionLimit:
                 log.debug("%s refused for %s: %s", websocket.url.path, login.identity.name, refusal.reason)
                 await _refuse(websocket, refusal)
                 return
-            WebSocketProtocol.admitted(websocket.scope, self._pace.of(key))
+            most = self._max_message_bytes
+            most = most if login.identity.may(Right.PROMPT) else min(most, MAX_READER_FRAME_BYTES)
+            WebSocketProtocol.admitted(websocket.scope, self._pace.of(key), most)
             self._open[key] += 1
             try:
                 reason = await serve(websocket, login)

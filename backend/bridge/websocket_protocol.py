@@ -5,7 +5,8 @@ bytes become text and bytes again. A relay needs none of that. It needs what ASG
 slowly, and to disconnect it. The handshake, pings, fragments and closing remain uvicorn's.
 
 Of what a client sends, little is handled at a time, and no faster than its login's pace: many small messages must not
-keep the event loop from Stop. Until a connection is admitted, it counts among those before login.
+keep the event loop from Stop. Until a connection is admitted, it counts among those before login, and its messages are
+short.
 
 It builds on a class of uvicorn that is not public API: `pyproject.toml` pins uvicorn's minor version.
 """
@@ -24,6 +25,8 @@ from backend.bridge.reading_pace import BYTES_PER_MESSAGE, LONGEST_PAUSE_S
 from backend.connections_before_login import ConnectionsBeforeLogin, Use
 from backend.rates import TokenBucket
 
+SHORT_MESSAGE_BYTES = 64 * 1024
+"""More than is needed before the login, and by the scene."""
 _EXTENSION = "robot-acp.websocket"
 _READ_BYTES = 2048
 """So much is read from a connection before the others have their turn: 250 messages of the smallest size."""
@@ -48,12 +51,13 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
     _pause: asyncio.TimerHandle | None = None  # set while the pace lets nothing be read
 
     @staticmethod
-    def admitted(scope: Scope, pace: TokenBucket) -> None:
-        """The WebSocket of this scope has a login, and is read at the login's pace."""
+    def admitted(scope: Scope, pace: TokenBucket, max_bytes: int) -> None:
+        """The WebSocket of this scope has a login: it is read at the login's pace, in messages of at most so much."""
         connection: WebSocketProtocol | None = scope.get("extensions", {}).get(_EXTENSION)
         if connection is None:
             return  # a test serves it with another protocol
         connection._pace = pace
+        connection.conn.max_message_size = max_bytes
         if connection._before_login is not None:
             connection._before_login.remove(connection)
 
@@ -117,6 +121,7 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Count the connection."""
         super().connection_made(transport)
+        self.conn.max_message_size = min(SHORT_MESSAGE_BYTES, self.config.ws_max_size)
         if hasattr(transport, "max_size"):
             transport.max_size = _READ_BYTES  # of asyncio's transports: how much is read at a time
         if self._before_login is not None:

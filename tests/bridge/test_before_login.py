@@ -17,6 +17,7 @@ import httpx
 import pytest
 
 from backend.identity import Role
+from tests.bridge.viser_page import SUBPROTOCOL
 from tests.processes import PATIENCE_S, Robot, eventually
 
 Dialled = tuple[asyncio.StreamReader, asyncio.StreamWriter]
@@ -203,3 +204,12 @@ async def test_another_connection_of_a_login_in_debt_is_heard_at_once(bridge_wit
             sending.cancel()
             await asyncio.gather(sending, return_exceptions=True)
             flooding.transport.abort()
+
+
+@pytest.mark.parametrize(
+    ("path", "role"), [("/acp", Role.VIEWER), ("/scene", Role.SUPERVISOR), ("/camera", Role.VIEWER)]
+)
+async def test_one_who_has_nothing_long_to_say_cannot_fill_the_memory(bridge, closing, path, role):
+    async with bridge.websocket(path, token=bridge.token(role), subprotocols=[SUBPROTOCOL]) as page:
+        await page.send("x" * (2_000_000 if path == "/acp" else 100_000))
+        assert (await closing(page))[0] == 1009

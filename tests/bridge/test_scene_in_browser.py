@@ -294,7 +294,7 @@ async def test_a_covered_map_is_not_drawn(page, wait_until):
     await scene.wait_for_function("drawn.length > 10")
     await page.evaluate("document.body.style.visibility = 'hidden'")
     # Frames of the page around it are granted all the while; one that was granted before may still be drawn.
-    await scene.wait_for_function("outerPage.covered")
+    await scene.wait_for_function("outerPage.covered", polling=20)  # a covered page grants no frames to poll in
     await granted(page, 5)
     before = await scene.evaluate("drawn.length")
     await granted(page, 60)

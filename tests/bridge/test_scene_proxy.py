@@ -72,7 +72,7 @@ async def test_nothing_that_a_page_sends_reaches_viser(servers, bridge_of_robot,
         servers[0].scene.on_click()(clicks.append)
         await page.send(b"\xc1 no msgpack")
         await page.send("text")
-        await page.send(bytes(100_000))
+        await page.send(bytes(60_000))
         for message in (CLICK, {"type": "ShareUrlRequest"}, {"no": "type"}, CAMERA):
             await page.send(msgspec.msgpack.encode(message))
         assert await received(page, "SetCameraPositionMessage")  # the bridge has read all of it, and answers

@@ -184,10 +184,14 @@ class ClientConnection:
         return None
 
     async def _read_line(self) -> bytes | None:
-        """The next line; before the login a short one. Raises `TimeoutError` where the first does not come in time."""
+        """The next line; a short one before the login. Raises `TimeoutError` where the first does not come in time."""
         await self._pace.wait()
-        if self._identity or self._before_login is None:
-            return await wire.read_line(self._reader)
+        who = self._identity
+        if self._before_login is None or who is not None:
+            is_reader = who is not None and not who.may(Right.PROMPT)
+            return await wire.read_line(
+                self._reader, wire.MAX_READER_FRAME_BYTES if is_reader else wire.MAX_FRAME_BYTES
+            )
         limit = self._limits.settings.max_bytes_before_login
         if self.initialized:
             return await wire.read_line(self._reader, limit)

@@ -22,7 +22,7 @@ from backend.rates import TokenBucket
 
 BYTES_PER_MESSAGE = 4096
 """A message counts as one more for each so many bytes: reading it takes so much longer."""
-TURN = 16
+TURN = 4
 """After so many messages the reader of a connection lets everybody else have their turn."""
 LONGEST_PAUSE_S = 1.0
 _ACCOUNTS = 1024

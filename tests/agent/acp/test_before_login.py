@@ -104,12 +104,13 @@ async def test_a_message_before_the_login_is_short(strict: Robot) -> None:
             assert "larger than 65536 bytes" in json.loads(await pair[0].readline())["error"]["message"]
 
 
-async def test_after_the_login_it_may_be_long(strict: Robot) -> None:
+@pytest.mark.parametrize(("role", "outcome"), [(Role.VISITOR, "result"), (Role.VIEWER, "error")])
+async def test_after_the_login_those_who_may_prompt_send_long_ones(strict: Robot, role: Role, outcome: str) -> None:
     async with dialled(strict) as [pair]:
-        await initialize(pair, strict.token("Ana", Role.VIEWER))
-        pair[1].write(b'{"jsonrpc":"2.0","id":1,"method":"session/list","params":{"x":"' + b"a" * 700_000 + b'"}}\n')
+        await initialize(pair, strict.token("Ana", role))
+        pair[1].write(b'{"jsonrpc":"2.0","id":1,"method":"session/list","params":{"x":"' + b"a" * 1_700_000 + b'"}}\n')
         async with asyncio.timeout(PATIENCE_S):
-            assert "result" in json.loads(await pair[0].readline())
+            assert outcome in json.loads(await pair[0].readline())
 
 
 async def test_the_oldest_stranger_makes_room_and_everybody_gets_in(strict: Robot) -> None:

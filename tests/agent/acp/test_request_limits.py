@@ -176,7 +176,7 @@ async def test_of_a_flood_each_request_is_answered_and_most_are_refused(robot: R
         assert len(viewer.refused) > FLOOD // 2
         assert all(error["data"]["retryAfter"] >= 1 for error in viewer.refused)
         assert all("Try again in" in error["message"] for error in viewer.refused)
-        assert len(viewer.answers) - len(viewer.refused) > 64  # it was served, too
+        assert len(viewer.answers) - len(viewer.refused) > 32  # it was served, too
 
 
 async def test_a_flood_delays_nobody_else(robot: Robot) -> None:
@@ -199,8 +199,8 @@ async def test_another_connection_of_the_login_is_refused_and_another_login_is_n
         line(robot, token) as other,
         line(robot, robot.token("Vera", Role.VIEWER)) as namesake,
     ):
-        for _ in range(100):
-            many = [one.ask("session/list") for _ in range(60)]
+        for _ in range(500):
+            many = [one.ask("session/list") for _ in range(30)]
             await asyncio.gather(*many, other.ask("session/list"))  # alone, this one is not too often
             if other.refused:
                 break
@@ -210,7 +210,7 @@ async def test_another_connection_of_the_login_is_refused_and_another_login_is_n
 
 async def test_notifications_count_too(robot: Robot) -> None:
     async with line(robot, robot.token("Vera", Role.VIEWER)) as viewer:
-        viewer.notify("_nonsense", 3000)
+        viewer.notify("_nonsense", 5000)
         assert (await viewer.ask("session/list"))["error"]["code"] == wire.LIMIT_EXCEEDED
 
 
