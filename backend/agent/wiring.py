@@ -25,9 +25,9 @@ class Wiring:
     tokens: Registry
     sessions: Sessions
     journal: Journal
-    retention: Retention
     link: RobotClient
     turns: TurnEnvironment
     models: tuple[str, ...]
     offers: AllowList
     people: People
+    retention: Retention

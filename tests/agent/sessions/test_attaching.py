@@ -20,9 +20,11 @@ from backend.agent.robot.mcp_client import McpClient, Tool
 from backend.agent.robot.robot_client import RobotClient
 from backend.agent.robot.server_addresses import AllowList
 from backend.agent.sessions.journal import Journal
+from backend.agent.sessions.retention import Retention
 from backend.agent.sessions.session import Session
 from backend.agent.sessions.sessions import Sessions
 from backend.agent.sessions.store import Store
+from backend.agent.sessions.usage import Usage
 from backend.agent.turns.environment import TurnEnvironment
 from backend.agent.turns.model import OFFLINE_MODEL
 from backend.agent.wiring import Wiring
@@ -116,8 +118,10 @@ async def a_place(data: Path) -> AsyncIterator[Place]:
     link, may_go_on = RobotClient(None, None), asyncio.Event()
     silent = Silent("http://127.0.0.1:1/mcp", absent="There is no robot.")
     environment = TurnEnvironment("Sancho", silent, Policy(), link, store, Lease(), 1.0, 5, 1.0)
+    retention = Retention(store, sessions, Usage(), Settings().agent.storage)
+    offline = (OFFLINE_MODEL,)
     wiring = Wiring(
-        Settings(), Registry(data), sessions, journal, link, environment, (OFFLINE_MODEL,), AllowList([]), People()
+        Settings(), Registry(data), sessions, journal, link, environment, offline, AllowList([]), People(), retention
     )
 
     async def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
