@@ -8,9 +8,17 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    FiniteFloat,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 from pydantic_settings import (
     BaseSettings,
     PydanticBaseSettingsSource,
@@ -18,8 +26,12 @@ from pydantic_settings import (
     TomlConfigSettingsSource,
 )
 
+from backend import robot_address
+
 DEFAULT_FILE = Path("robot.toml")
 Decision = Literal["allow", "ask", "deny"]
+Coordinate = Annotated[FiniteFloat, Field(ge=-1e6, le=1e6)]
+"""m in the map frame; nothing can be farther from its origin."""
 
 
 class ConfigError(Exception):
@@ -59,7 +71,7 @@ class KeepOut(_Section):
     """A keep-out zone, which the robot's footprint must not touch; corners in m of the map frame."""
 
     name: str = Field(min_length=1, max_length=80)
-    polygon: list[tuple[FiniteFloat, FiniteFloat]] = Field(min_length=3, max_length=1000)
+    polygon: list[tuple[Coordinate, Coordinate]] = Field(min_length=3, max_length=1000)
 
 
 class Simulator(_Section):
@@ -71,6 +83,8 @@ class Simulator(_Section):
     heading_noise: float = Field(0.0, ge=0, le=0.1, description="standard deviation of the yaw error, rad")
     wheel_slip: float = Field(0.0, ge=0, le=0.5, description="share of their grip that the wheels lose at most")
     battery: float = Field(0.92, gt=0, le=1, description="its charge at the start, from 0 to 1")
+    camera: bool = Field(True, description="whether it has a camera; without one there is no take_photo")
+    voice: bool = Field(True, description="whether it has a voice; without one there is no speak")
     laser_rays: int = Field(360, ge=60, le=1440)
 
 
@@ -126,7 +140,9 @@ class Robot(_Section):
     world: str = Field("office", description="a built-in world, or the path of a map.yaml or the folder with one")
     time_scale: float = Field(1.0, gt=0, le=100)
     seed: int = Field(0, ge=0)
-    keep_out: list[KeepOut] = Field([], description="zones in addition to those of the world's keep_out.yaml")
+    keep_out: list[KeepOut] = Field(
+        [], max_length=200, description="zones in addition to those of the world's keep_out.yaml"
+    )
     limits: Limits = Limits()
     simulator: Simulator = Simulator()
     ros2: Ros2 = Ros2()
@@ -154,6 +170,24 @@ class Storage(_Section):
     def quota(self, role: str) -> tuple[int, int]:
         """The bytes and the sessions that a login of this role may have; 0 is "no limit". A viewer owns none."""
         return getattr(self, f"{role}_bytes", 0), getattr(self, f"{role}_sessions", 0)
+
+
+class AgentRequests(_Section):
+    """How much one login may ask of the agent, and how connections before login are limited. A cancel and a stop are
+    never refused."""
+
+    per_second: float = Field(100.0, gt=0, description="requests and notifications of one login")
+    burst: int = Field(500, ge=10, description="so many of them may come at once; more are answered with an error")
+    pending_per_connection: int = Field(64, ge=4, description="requests that wait for their answers")
+    pending_per_login: int = Field(256, ge=4, description="the same over all connections of one login")
+    messages_per_second: float = Field(
+        1000.0, gt=0, description="messages read from one login, refused ones included; a message of 4 kB counts as two"
+    )
+    messages_burst: int = Field(20_000, ge=100, description="so many may come at once; more are read later")
+    initialize_timeout: float = Field(30.0, gt=0, description="seconds in which a new connection has to initialize")
+    max_bytes_before_login: int = Field(64 * 1024, ge=4096, description="of one message")
+    max_before_login: int = Field(256, ge=8, description="connections before login; beyond it the oldest is closed")
+    max_before_login_per_address: int = Field(16, ge=1, description="the same from one address, except loopback")
 
 
 class Agent(_Section):
@@ -190,6 +224,27 @@ class Agent(_Section):
     policy: dict[str, dict[str, Decision]] = Field({}, description="mode -> tool -> allow, ask or deny")
     visitors: dict[str, Decision] = Field({}, description="tool -> what a visitor's prompt may do at most")
     storage: Storage = Storage()
+    requests: AgentRequests = AgentRequests()
+
+    @field_validator("robot_url")
+    @classmethod
+    def _is_an_mcp_server(cls, url: str | None) -> str | None:
+        return url if url is None else robot_address.check(url)
+
+
+class BridgeRequests(_Section):
+    """How fast one login's WebSockets are read, and how HTTP connections before login are limited."""
+
+    messages_per_second: float = Field(
+        1000.0, gt=0, description="WebSocket messages read from one login; one of 4 kB counts as two"
+    )
+    messages_burst: int = Field(20_000, ge=100, description="so many may come at once; more are read later")
+    header_timeout: float = Field(10.0, gt=0, description="seconds that the headers of a request may take")
+    body_timeout: float = Field(30.0, gt=0, description="seconds that the body of a request may take")
+    max_before_login: int = Field(
+        256, ge=8, description="connections that are no page's WebSocket; beyond it the oldest is closed"
+    )
+    max_before_login_per_address: int = Field(64, ge=1, description="the same from one address, except loopback")
 
 
 class Bridge(_Section):
@@ -198,10 +253,18 @@ class Bridge(_Section):
     host: str = "127.0.0.1"
     port: int = Field(8080, ge=0, le=65535)
     agent: str | None = Field(None, description="tcp://HOST:PORT or stdio:COMMAND; default: the [agent] address")
-    robot_url: str | None = Field(None, description="base URL of the robot server; default: the [robot] address")
+    robot_url: str | None = Field(
+        None, description="base URL of the robot server; default: that of the robot which the agent drives"
+    )
     allowed_origins: list[str] = Field([], description="further origins; the bridge's own is always allowed")
     max_frame_bytes: int = Field(16 * 1024 * 1024, gt=1024)
     max_connections: int = Field(512, gt=0, description="pages at once")
+    requests: BridgeRequests = BridgeRequests()
+
+    @field_validator("robot_url")
+    @classmethod
+    def _is_a_robot_server(cls, url: str | None) -> str | None:
+        return url if url is None else robot_address.check_base(url)
 
 
 class Settings(BaseSettings):
@@ -228,15 +291,51 @@ class Settings(BaseSettings):
         """The sources by precedence: flags, then variables, then the file."""
         return init_settings, env_settings, TomlConfigSettingsSource(settings_cls, cls.toml_file)
 
+    @model_validator(mode="after")
+    def _stop_reaches_the_robot_that_the_agent_drives(self) -> Self:
+        stopped, agent_is_elsewhere = self.bridge.robot_url, self.bridge.agent is not None
+        driven = self.agent.robot_url or (None if agent_is_elsewhere else self._own_robot_url)
+        if stopped and driven and robot_address.base_of(driven) and not robot_address.same_server(driven, stopped):
+            raise ValueError(
+                "bridge.robot_url is not the server of the robot that the agent drives, so Stop would stop another "
+                "robot. Leave bridge.robot_url out: then it follows agent.robot_url and [robot]"
+            )
+        return self
+
     @property
-    def robot_base_url(self) -> str:
-        """Base URL of the robot server: `/mcp`, `/telemetry`, `/stop` and `/health` lie below it."""
-        return self.bridge.robot_url or f"http://{self.robot.host}:{self.robot.port}"
+    def drives_our_robot_server(self) -> bool:
+        """Whether the agent drives the robot server of the `[robot]` section, and not an MCP server of another make or
+        place. Only that one receives the secret of the data folder, and only that one is started by `up`."""
+        return self.agent.robot_url is None or robot_address.same_server(self.agent.robot_url, self._own_robot_url)
+
+    @property
+    def robot_base_url(self) -> str | None:
+        """The URL below which the robot that the agent drives has `/telemetry`, `/stop` and `/health`. None for a robot
+        behind a command, unless `bridge.robot_url` says where it has them."""
+        if self.agent.robot_url is None:
+            return self._own_robot_url
+        return robot_address.base_of(self.agent.robot_url) or self.bridge.robot_url
+
+    @property
+    def bridge_robot_base_url(self) -> str | None:
+        """The same as the bridge reaches it, which may run on another machine."""
+        return self.bridge.robot_url or self.robot_base_url
+
+    def is_our_robot_server(self, base_url: str | None) -> bool:
+        """Whether the robot server below `base_url` is ours: it may receive the secret of the data folder."""
+        if base_url is None:
+            return False
+        named = self.agent.robot_url is None and base_url == self.bridge.robot_url
+        return named or robot_address.same_server(base_url, self._own_robot_url)
 
     @property
     def robot_mcp_url(self) -> str:
-        """The MCP URL of the robot's tools."""
-        return self.agent.robot_url or f"http://{self.robot.host}:{self.robot.port}/mcp"
+        """The MCP URL of the robot's tools, or `stdio:COMMAND`."""
+        return self.agent.robot_url or f"{self._own_robot_url}/mcp"
+
+    @property
+    def _own_robot_url(self) -> str:
+        return f"http://{self.robot.host}:{self.robot.port}"
 
     @property
     def agent_address(self) -> str:

@@ -106,7 +106,8 @@ async def _dial_websocket(address: Address) -> Stream:
             address.url,
             additional_headers={"Authorization": f"Bearer {address.token}"} if address.token else {},
             subprotocols=[_SUBPROTOCOL],
-            proxy=None if address.is_local else True,  # a proxy's loopback is not ours
+            # A proxy's loopback is not ours; and without TLS it would read the token.
+            proxy=None if address.is_local or address.scheme == "ws" else True,
             max_size=wire.MAX_FRAME_BYTES,
             compression=None,
             open_timeout=_CONNECT_SECONDS,

@@ -16,6 +16,8 @@ import httpx
 
 from backend.config import Settings
 from backend.findings import Finding, bad, good
+from backend.robot_address import without_login
+from backend.robot_server import RobotError, RobotServerClient
 
 OLDEST, NEWEST = (3, 11), (3, 13)
 
@@ -25,7 +27,7 @@ async def run(settings: Settings) -> int:
     findings = [*_machine(settings), await asyncio.to_thread(_database, settings), *await _processes(settings)]
     for finding in findings:
         print(finding)
-    if settings.robot.kind == "ros2":
+    if settings.robot.kind == "ros2" and settings.drives_our_robot_server:
         from backend.mcp_robot.ros2.diagnosis import examine
 
         for finding in await examine(settings):
@@ -41,6 +43,8 @@ def _machine(settings: Settings) -> Iterator[Finding]:
     fits = OLDEST <= sys.version_info[:2] <= NEWEST
     yield (good if fits else bad)("Python", version, "Use Python 3.11, 3.12 or 3.13.")
     kind = settings.robot.kind + (", a stand-in" if settings.robot.kind == "ros2" and settings.robot.ros2.demo else "")
+    if not settings.drives_our_robot_server:
+        kind = "of another make: agent.robot_url"
     yield good("settings", f"they are valid; the robot is {settings.robot.name} ({kind})")
     folder = settings.data_dir
     nearest = next(place for place in (folder, *folder.parents) if place.exists())
@@ -62,9 +66,12 @@ def _database(settings: Settings) -> Finding:
 
 async def _processes(settings: Settings) -> list[Finding]:
     """Whether each of the three addresses answers as expected, is free, or is used by another program."""
-    found = []
+    found: list[Finding] = []
+    ours = settings.drives_our_robot_server
+    if not ours:
+        found.append(await _other_robot(settings))
     async with httpx.AsyncClient(trust_env=False, timeout=2.0) as client:
-        for name, path in (("robot", "/health"), ("agent", None), ("bridge", "/api/health")):
+        for name, path in (("robot", "/health"), ("agent", None), ("bridge", "/api/health"))[0 if ours else 1 :]:
             where = getattr(settings, name)
             address = f"{where.host}:{where.port}"
             if not _listens(where.host, where.port):
@@ -81,6 +88,21 @@ async def _processes(settings: Settings) -> list[Finding]:
                 else bad(name, f"another program has {address}", advice)
             )
     return found
+
+
+async def _other_robot(settings: Settings) -> Finding:
+    """Whether the robot of another make answers that the agent drives."""
+    where = without_login(settings.robot_mcp_url)
+    server = RobotServerClient(settings.robot_base_url)
+    try:
+        up, detail = await server.health()
+    except RobotError:
+        up, detail = True, f"another MCP server, which the agent starts: {where}. It has no stop path"
+    finally:
+        await server.close()
+    return (good if up else bad)(
+        "robot", detail, f"Start the robot's MCP server at {where}, or see to agent.robot_url."
+    )
 
 
 def _listens(host: str, port: int) -> bool:

@@ -27,6 +27,7 @@ INVALID_PARAMS = -32602
 INTERNAL_ERROR = -32603
 AUTH_REQUIRED = -32000
 NOT_ALLOWED = -32001
+LIMIT_EXCEEDED = -32005
 CANCELLED = -32800
 
 HEALTH = "_robot/health"
@@ -161,32 +162,39 @@ def with_identity(frame: Frame, token: str) -> bytes:
     return orjson.dumps(frame.body | {"params": params})
 
 
-async def read_line(reader: asyncio.StreamReader, limit: int = MAX_FRAME_BYTES) -> bytes | None:
+async def read_line(reader: asyncio.StreamReader, limit: int = MAX_FRAME_BYTES, *, skip: bool = True) -> bytes | None:
     """The next line of an NDJSON stream without its newline; None at its end. Empty lines are skipped.
 
     Raises `FrameTooLarge` for a line of more than `limit` bytes, after skipping it: the next call reads the next line.
-    The reader's own limit must be at least `limit`.
+    Without `skip` it is raised at once, and the stream cannot be read any further. The reader's own limit may be
+    smaller: it says how much of a line is read at a time.
     """
     while True:
-        try:
-            line = await reader.readuntil(b"\n")
-        except asyncio.IncompleteReadError:
-            return None  # a last line without a newline is incomplete
-        except asyncio.LimitOverrunError:
-            await _skip_line(reader)
-            raise FrameTooLarge(limit) from None
-        if len(line) > limit + 1:
-            raise FrameTooLarge(limit)
-        if line := line.strip():
+        line = await _read_line(reader, limit, skip)
+        if line is None or (line := line.strip()):
             return line
 
 
-async def _skip_line(reader: asyncio.StreamReader) -> None:
+async def _read_line(reader: asyncio.StreamReader, limit: int, skip: bool) -> bytes | None:
+    """The next line with its newline; None at the end. Of one that is too long, no more than `limit` bytes are kept."""
+    pieces: list[bytes] = []
+    size = 0
     while True:
         try:
-            await reader.readuntil(b"\n")
-            return
-        except asyncio.LimitOverrunError as overrun:
-            await reader.readexactly(max(overrun.consumed, 1))
+            piece = await reader.readuntil(b"\n")
         except asyncio.IncompleteReadError:
-            return
+            if size > limit:
+                raise FrameTooLarge(limit) from None
+            return None  # a last line without a newline is incomplete
+        except asyncio.LimitOverrunError as overrun:
+            piece = await reader.readexactly(max(overrun.consumed, 1))  # there already
+        size += len(piece)
+        is_whole = piece.endswith(b"\n")
+        if size - is_whole > limit:
+            pieces.clear()
+            if is_whole or not skip:
+                raise FrameTooLarge(limit)
+            continue
+        pieces.append(piece)
+        if is_whole:
+            return pieces[0] if len(pieces) == 1 else b"".join(pieces)

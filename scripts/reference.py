@@ -38,9 +38,9 @@ MADE: Final = "This page is written by `python -m scripts.reference` from {sourc
 
 ROBOT_PATHS: Final = {
     "GET /health": "Answers without a token: `{status, robot, version}`.",
-    "POST /stop": "Sets the stop latch; `?by=` names the person. Answers `{stopped: {by, at}}`.",
-    "POST /release": "Releases the stop latch; `?by=` names the person. Answers `{stopped: null}`, or 500 and "
-    "`{error}` when the latch cannot be removed.",
+    "POST /stop": "Sets the stop latch; `{by}` or `?by=` names the person. Answers `{stopped: {by, at}}`.",
+    "POST /release": "Releases the stop latch; `{by}` or `?by=` names the person. Answers `{stopped: null}`, or "
+    "500 and `{error}` when the latch cannot be removed.",
     "DELETE /preview/{id}": "Takes back the preview of a path. Answers `{preview}`: whether it was drawn.",
     "WebSocket /telemetry": "The [telemetry](telemetry.md): msgpack messages.",
     "GET, POST, DELETE /mcp": "MCP over Streamable HTTP: the [tools](tools.md).",
@@ -49,7 +49,9 @@ BRIDGE_PATHS: Final = {
     "POST /api/login": "`{token}`: sets the login cookie. Answers as `GET /api/me`.",
     "POST /api/logout": "Removes the login cookie.",
     "GET /api/me": "Who is logged in: `{name, role, robot, expires}`.",
-    "POST /api/stop": "Stops the robot, for everyone who is logged in. It needs no agent.",
+    "POST /api/stop": "Stops the robot, for everyone who is logged in. It needs no agent. Answers "
+    "`{stopped: {by, at}}`, or 503 and `{error}` where the robot's server has not confirmed it "
+    "([safety](../safety.md#another-robot)).",
     "POST /api/release": "Releases the stop, for supervisors.",
     "GET /api/health": "The state of agent and robot server.",
     "WebSocket /acp": "ACP: one JSON-RPC message a text frame.",

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from backend import wire
 from backend.agent.acp.extensions import EXTENSIONS
 from scripts import reference
 
@@ -111,7 +112,7 @@ def test_the_reference_pages_are_what_the_code_is() -> None:
 
 def test_every_request_beyond_acp_has_a_section() -> None:
     headings = " ".join(_HEADING.findall((DOCS / "extensions.md").read_text()))
-    assert set(re.findall(r"`(_robot/\w+)`", headings)) == set(EXTENSIONS)
+    assert set(re.findall(r"`(_robot/\w+)`", headings)) == {*EXTENSIONS, wire.HEALTH}
 
 
 def test_a_folder_with_many_files_has_a_reason() -> None:

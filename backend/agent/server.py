@@ -11,10 +11,11 @@ from ipaddress import ip_address
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from backend import identity, wire
+from backend import identity, robot_address
 from backend.agent.acp.connection import ClientConnection
 from backend.agent.acp.operations import Operations
 from backend.agent.acp.people import People
+from backend.agent.acp.request_limits import RequestLimits
 from backend.agent.control.attendance import Attendance
 from backend.agent.control.lease import Lease
 from backend.agent.control.policy import MODE_IDS, Policy
@@ -31,19 +32,23 @@ from backend.agent.turns import model, providers
 from backend.agent.turns.environment import TurnEnvironment
 from backend.agent.wiring import Wiring
 from backend.config import ConfigError, Settings
+from backend.connections_before_login import ConnectionsBeforeLogin
 from backend.descriptors import raise_limit
+from backend.robot_server import RobotServerClient
 from backend.sockets import notice_loss
 from backend.stdio import stdin, stdout
 from backend.tokens import Registry
 
 log = logging.getLogger(__name__)
 
-_STREAM_LIMIT = wire.MAX_FRAME_BYTES + 1
+_STREAM_LIMIT = 64 * 1024
+"""Up to twice as many bytes of a client wait unread in this process. A longer line is put together as it is read."""
+_BACKLOG = 100
+"""So many connections are accepted at once, before the oldest of those that are too many are closed."""
 _SILENCE_S, _PROBE_S = 15, 5
 """How long a silent client counts as connected, and how often it is probed, in seconds: its machine may be gone."""
 _DESCRIPTORS_KEPT = 128
 """File descriptors for everything but the bridge's clients: other clients, the database, MCP servers, telemetry."""
-_ROBOT_ABSENT = "The robot server does not answer. Start it with `robot-acp robot`, then try again."
 
 
 async def serve(settings: Settings, *, stdio: bool = False) -> None:
@@ -57,7 +62,9 @@ async def serve(settings: Settings, *, stdio: bool = False) -> None:
 
 async def _serve_tcp(wiring: Wiring) -> None:
     where = wiring.settings.agent
-    raise_limit(wiring.settings.bridge.max_connections + _DESCRIPTORS_KEPT)
+    most = where.requests
+    raise_limit(wiring.settings.bridge.max_connections + most.max_before_login + _BACKLOG + _DESCRIPTORS_KEPT)
+    before_login = ConnectionsBeforeLogin(most.max_before_login, most.max_before_login_per_address)
     clients: set[asyncio.Task[None]] = set()
 
     async def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -69,11 +76,14 @@ async def _serve_tcp(wiring: Wiring) -> None:
             plug.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             notice_loss(plug, _SILENCE_S, _PROBE_S)
             with contextlib.suppress(asyncio.CancelledError):  # the agent ends; asyncio would log it as an error
-                await _serve_client(wiring, reader, writer, local=_is_loopback(writer))
+                await _serve_client(wiring, reader, writer, local=_is_loopback(writer), before_login=before_login)
         finally:
             clients.discard(task)
 
-    server = await asyncio.start_server(accept, where.host, where.port, limit=_STREAM_LIMIT)
+    try:
+        server = await asyncio.start_server(accept, where.host, where.port, limit=_STREAM_LIMIT, backlog=_BACKLOG)
+    except OSError as error:
+        raise ConfigError(f"The agent cannot listen on {where.host}:{where.port}: {error.strerror or error}.") from None
     log.info("agent on tcp://%s:%d", *server.sockets[0].getsockname()[:2])
     try:
         await asyncio.Event().wait()
@@ -93,9 +103,15 @@ async def _serve_stdio(wiring: Wiring) -> None:
 
 
 async def _serve_client(
-    wiring: Wiring, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, *, local: bool
+    wiring: Wiring,
+    reader: asyncio.StreamReader,
+    writer: asyncio.StreamWriter,
+    *,
+    local: bool,
+    before_login: ConnectionsBeforeLogin | None = None,
 ) -> None:
-    connection = ClientConnection(reader, writer, local, wiring.settings.agent.max_outbox_bytes)
+    most = wiring.settings.agent.max_outbox_bytes
+    connection = ClientConnection(reader, writer, local, most, wiring.requests, before_login)
     operations = Operations(wiring, connection)
     serving = asyncio.create_task(connection.serve(operations.router()), name=f"client {connection.id}")
     watching = asyncio.create_task(_dismiss_when_login_ends(wiring.tokens, connection))
@@ -108,6 +124,8 @@ async def _serve_client(
             if isinstance(outcome, Exception):
                 log.error("the connection of client %s failed", connection.id, exc_info=outcome)
         operations.close()
+        if before_login is not None:
+            before_login.remove(connection)
         if connection.initialized:  # else it was no ACP client
             log.info("client %s (%s) left", connection.id, connection.name)
 
@@ -129,12 +147,14 @@ async def _wiring(settings: Settings) -> AsyncIterator[Wiring]:
         offers = AllowList(agent.mcp_allow)
     except ValueError as error:
         raise ConfigError(str(error)) from None
-    # Our robot server has a secret, a telemetry stream and a stop path. No other MCP server receives our secrets.
-    ours = agent.robot_url is None
-    bearer = identity.shared_secret(settings.data_dir, identity.ROBOT_TOKEN).decode() if ours else None
-    headers = {"Authorization": f"Bearer {bearer}"} if bearer else None
-    tools = McpClient(settings.robot_mcp_url, headers, absent=_ROBOT_ABSENT)
-    link = RobotClient(settings.robot_mcp_url if ours else None, bearer)
+    # No other MCP server receives our secrets.
+    bearer = (
+        identity.shared_secret(settings.data_dir, identity.ROBOT_TOKEN) if settings.drives_our_robot_server else None
+    )
+    headers = {"Authorization": f"Bearer {bearer.decode()}"} if bearer else None
+    tools = McpClient(settings.robot_mcp_url, headers, absent=_absent(settings))
+    server = RobotServerClient.of(settings, settings.robot_base_url)
+    link = RobotClient(server)
     tokens = Registry(settings.data_dir)
     store = Store(settings.database_url)
     usage = Usage()
@@ -170,12 +190,14 @@ async def _wiring(settings: Settings) -> AsyncIterator[Wiring]:
         models=tuple(dict.fromkeys([agent.model, *agent.models, model.OFFLINE_MODEL])),
         offers=offers,
         people=People(),
+        requests=RequestLimits(agent.requests),
     )
     background = [
         asyncio.create_task(tokens.run(), name="tokens"),
         asyncio.create_task(journal.run(), name="journal"),
         asyncio.create_task(retention.run(), name="retention"),
         asyncio.create_task(link.run(), name="robot link"),
+        asyncio.create_task(server.keep_warm(), name="connection to the robot server"),
         asyncio.create_task(Attendance(sessions, lease, agent.unattended_after).run(), name="attendance"),
         asyncio.create_task(wiring.people.run(), name="people"),
         asyncio.create_task(_warm_up(tools, agent.model), name="warm up"),
@@ -189,7 +211,16 @@ async def _wiring(settings: Settings) -> AsyncIterator[Wiring]:
             task.cancel()
         await asyncio.gather(*background, return_exceptions=True)
         await tools.close()
+        await server.close()
         await store.close()
+
+
+def _absent(settings: Settings) -> str:
+    """The sentence for people while the robot does not answer."""
+    if settings.drives_our_robot_server:
+        return "The robot server does not answer. Start it with `robot-acp robot`, then try again."
+    where = robot_address.without_login(settings.robot_mcp_url)
+    return f"The robot's MCP server ({where}) does not answer. Start it, then try again."
 
 
 async def _warm_up(tools: McpClient, default_model: str) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from backend.agent.acp.people import People
+from backend.agent.acp.request_limits import RequestLimits
 from backend.agent.robot.robot_client import RobotClient
 from backend.agent.robot.server_addresses import AllowList
 from backend.agent.sessions.journal import Journal
@@ -18,16 +19,18 @@ from backend.tokens import Registry
 @dataclass(frozen=True)
 class Wiring:
     """One agent. `models` are the names of the models that people may choose, the default first. `offers` decides which
-    MCP servers a client may bring. `link` carries the robot's state, its stop and its release.
+    MCP servers a client may bring. `link` carries the robot's state, its stop and its release. `requests` limits what a
+    login may ask for.
     """
 
     settings: Settings
     tokens: Registry
     sessions: Sessions
     journal: Journal
+    retention: Retention
     link: RobotClient
     turns: TurnEnvironment
     models: tuple[str, ...]
     offers: AllowList
     people: People
-    retention: Retention
+    requests: RequestLimits

@@ -1,7 +1,7 @@
 """The HTTP API for the robot as a whole: stop, release and health.
 
-Stop goes directly to the robot server and must never depend on the agent. Everyone who is logged in may stop the robot;
-only a supervisor may release the stop.
+Stop goes directly to the robot's server and must never depend on the agent (`stop.py`). Everyone who is logged in may
+stop the robot; only a supervisor may release the stop.
 """
 
 from __future__ import annotations
@@ -17,9 +17,10 @@ from fastapi.responses import JSONResponse
 import backend
 from backend.bridge.limits import Limits
 from backend.bridge.login import Authenticator
-from backend.bridge.robot_server_client import RobotServerClient, RobotUnreachableError
+from backend.bridge.stop import RobotStop
 from backend.bridge.upstream import Agent
 from backend.identity import Right
+from backend.robot_server import RobotError, RobotServerClient
 
 
 class Health:
@@ -43,7 +44,11 @@ class Health:
             return self._report
 
     async def _ask(self) -> dict[str, Any]:
-        agent_error, (robot_up, robot_detail) = await asyncio.gather(self._agent.probe(), self._robot.health())
+        if self._robot.has_paths:
+            agent_error, (robot_up, robot_detail) = await asyncio.gather(self._agent.probe(), self._robot.health())
+        else:
+            agent_error = await self._agent.probe()
+            robot_up, robot_detail = agent_error is None, "Only the agent reaches this robot: it is behind a command."
         return {
             "status": "ok" if agent_error is None and robot_up else "degraded",
             "version": backend.__version__,
@@ -53,14 +58,13 @@ class Health:
         }
 
 
-def router(authenticator: Authenticator, robot: RobotServerClient, health: Health) -> APIRouter:
+def router(authenticator: Authenticator, robot: RobotServerClient, robot_stop: RobotStop, health: Health) -> APIRouter:
     """The routes `/api/stop`, `/api/release` and `/api/health`."""
     routes = APIRouter(prefix="/api")
 
     @routes.post("/stop")
     async def stop(request: Request) -> JSONResponse:
-        who = authenticator.admit(request, to_stop=True).identity
-        return await _answer(robot.stop(who.name))
+        return await _answer(robot_stop.press(authenticator.admit(request, to_stop=True)))
 
     @routes.post("/release")
     async def release(request: Request) -> JSONResponse:
@@ -79,5 +83,5 @@ def router(authenticator: Authenticator, robot: RobotServerClient, health: Healt
 async def _answer(request: Awaitable[dict[str, Any]]) -> JSONResponse:
     try:
         return JSONResponse(await request)
-    except RobotUnreachableError as error:
+    except RobotError as error:
         return JSONResponse({"error": str(error)}, status_code=503)

@@ -13,20 +13,23 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 from starlette.routing import BaseRoute, Route, WebSocketRoute
 
-from backend import identity, tokens
+from backend import tokens
 from backend.bridge import api, login
 from backend.bridge.acp_socket import AcpSocket
 from backend.bridge.connection_limits import SCENE_SOCKETS_PER_PAGE, ConnectionLimit
 from backend.bridge.limits import Limits
 from backend.bridge.origin import HostGuard, OriginError, OriginPolicy
-from backend.bridge.robot_server_client import RobotServerClient
+from backend.bridge.reading_pace import ReadingPace
 from backend.bridge.scene.control_socket import CameraMoved, ControlSocket
 from backend.bridge.scene.proxy import ScenePage, SceneSocket, redirect_to_slash
 from backend.bridge.scene.robot_camera_socket import RobotCameraSocket
 from backend.bridge.scene.scene import Scene
+from backend.bridge.scene.ticket import SceneTickets
+from backend.bridge.stop import RobotStop
 from backend.bridge.upstream import agent_at
 from backend.bridge.web_app import SecurityHeaders, WebApp
 from backend.config import Settings
+from backend.robot_server import RobotServerClient
 
 WEB_DIST = Path(__file__).resolve().parents[2] / "web" / "dist"
 
@@ -43,15 +46,14 @@ def create_app(
     registry = tokens.Registry(settings.data_dir)
     authenticator = login.Authenticator(registry, origins)
     agent = agent_at(settings.agent_address, limits)
-    robot_secret = identity.shared_secret(settings.data_dir, identity.ROBOT_TOKEN)
-    robot = RobotServerClient(settings.robot_base_url, robot_secret)
+    robot = RobotServerClient.of(settings, settings.bridge_robot_base_url)
     health = api.Health(agent, robot, settings.robot.name, limits)
-    telemetry_url = settings.robot_base_url.replace("http", "ws", 1) + "/telemetry"
-    scene = Scene(settings.robot.name, telemetry_url, robot_secret)
+    scene = Scene(settings.robot.name, robot)
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        background = [asyncio.create_task(scene.run()), asyncio.create_task(registry.run())]
+        running = (scene.run(), registry.run(), robot.keep_warm())
+        background = [asyncio.create_task(work) for work in running]
         try:
             yield
         finally:
@@ -68,20 +70,25 @@ def create_app(
     app.add_exception_handler(tokens.RegistryError, _error_with_status(503))
     app.add_exception_handler(HTTPException, _http_error)
     app.include_router(login.router(authenticator, settings.robot.name))
-    app.include_router(api.router(authenticator, robot, health))
+    app.include_router(api.router(authenticator, robot, RobotStop(robot, settings.agent_address), health))
     pages, per_login = max_pages or bridge.max_connections, limits.pages_per_login
-    acp_limit = ConnectionLimit(authenticator, pages, per_login)
-    scene_limit = ConnectionLimit(authenticator, pages * SCENE_SOCKETS_PER_PAGE, per_login * SCENE_SOCKETS_PER_PAGE)
+    acp_limit = ConnectionLimit(authenticator, pages, per_login, ReadingPace(bridge.requests))
+    scene_sockets, per_login = pages * SCENE_SOCKETS_PER_PAGE, per_login * SCENE_SOCKETS_PER_PAGE
+    scene_limit = ConnectionLimit(authenticator, scene_sockets, per_login, ReadingPace(bridge.requests))
     acp = AcpSocket(authenticator, agent, max_frame_bytes=bridge.max_frame_bytes, limits=limits)
     app.router.routes.append(WebSocketRoute("/acp", acp_limit.endpoint(acp.serve)))
-    app.router.routes += scene_routes(authenticator, scene, scene_limit)
+    tickets = SceneTickets(authenticator, settings.data_dir)
+    app.router.routes += scene_routes(authenticator, scene, scene_limit, tickets)
     app.mount("/", WebApp(web_dist))
     return app
 
 
-def scene_routes(authenticator: login.Authenticator, scene: Scene, limit: ConnectionLimit) -> list[BaseRoute]:
+def scene_routes(
+    authenticator: login.Authenticator, scene: Scene, limit: ConnectionLimit, tickets: SceneTickets
+) -> list[BaseRoute]:
     """The scene's page and WebSockets, without and with a viewer's id, and the robot's camera."""
-    page, socket = ScenePage(authenticator, scene).answer, limit.endpoint(SceneSocket(authenticator, scene).serve)
+    page = ScenePage(authenticator, scene, tickets).answer
+    socket = limit.endpoint(SceneSocket(authenticator, scene).serve, tickets.admit)
     return [
         WebSocketRoute("/camera", limit.endpoint(RobotCameraSocket(authenticator, scene).serve)),
         WebSocketRoute("/scene", socket),
@@ -91,7 +98,7 @@ def scene_routes(authenticator: login.Authenticator, scene: Scene, limit: Connec
         Route("/scene/{viewer}", redirect_to_slash),
         Route("/scene/{viewer}/", page),
         WebSocketRoute("/scene/{viewer}/control", limit.endpoint(ControlSocket(authenticator, scene).serve)),
-        Route("/scene/{viewer}/moved", CameraMoved(authenticator, scene).answer, methods=["POST"]),
+        Route("/scene/{viewer}/moved", CameraMoved(tickets, scene).answer, methods=["POST"]),
     ]
 
 

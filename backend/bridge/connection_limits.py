@@ -16,6 +16,9 @@ from starlette.websockets import WebSocket
 from backend.bridge.close_codes import TRY_AGAIN_LATER, CloseReason, close
 from backend.bridge.login import SUBPROTOCOL, Authenticator, Login, LoginError
 from backend.bridge.origin import OriginError
+from backend.bridge.reading_pace import ReadingPace
+from backend.bridge.websocket_protocol import WebSocketProtocol
+from backend.http_protocol import BACKLOG
 from backend.identity import Identity, Right
 from backend.tokens import RegistryError
 
@@ -25,7 +28,7 @@ DESCRIPTORS_PER_PAGE = 13
 """The most file descriptors that a page can take in this process: `/acp` 1, its agent as a child process 3, and three
 scenes of 3 each, as both ends of viser's connections are in this process."""
 RESERVED_DESCRIPTORS = 128
-"""For everything else, above all for Stop: plain HTTP, the robot server, the listening socket, logs."""
+"""For everything else, above all for Stop: the robot server, the listening socket, logs."""
 
 _ALL_ROOM_TAKEN = CloseReason(TRY_AGAIN_LATER, "Too many pages are open on this robot. Close one, or try again later.")
 _LOGIN_ROOM_TAKEN = CloseReason(
@@ -44,17 +47,22 @@ class ConnectionLimit:
     A quarter of `total` is reserved for people who may approve.
     """
 
-    def __init__(self, authenticator: Authenticator, total: int, per_login: int) -> None:
+    def __init__(
+        self, authenticator: Authenticator, total: int, per_login: int, pace: ReadingPace | None = None
+    ) -> None:
         self._authenticator = authenticator
         self._total = total
         self._per_login = per_login
+        self._pace = pace or ReadingPace()
         self._open = Counter[str]()  # WebSockets, by login
 
-    def endpoint(self, serve: Serve) -> Callable[[WebSocket], Awaitable[None]]:
-        """The ASGI endpoint that admits a WebSocket and then calls `serve`."""
+    def endpoint(
+        self, serve: Serve, authenticate: Callable[[WebSocket], Login] | None = None
+    ) -> Callable[[WebSocket], Awaitable[None]]:
+        """The ASGI endpoint that admits a WebSocket and then calls `serve`; `authenticate` raises as `admit` does."""
 
         async def admit(websocket: WebSocket) -> None:
-            login = await _authenticate(self._authenticator, websocket)
+            login = await _authenticate(authenticate or self._authenticator.admit, websocket)
             if login is None:
                 return
             key = login.identity.token_id or login.identity.name
@@ -62,6 +70,7 @@ class ConnectionLimit:
                 log.debug("%s refused for %s: %s", websocket.url.path, login.identity.name, refusal.reason)
                 await _refuse(websocket, refusal)
                 return
+            WebSocketProtocol.admitted(websocket.scope, self._pace.of(key))
             self._open[key] += 1
             try:
                 reason = await serve(websocket, login)
@@ -81,16 +90,22 @@ class ConnectionLimit:
         return _LOGIN_ROOM_TAKEN if self._open[key] >= self._per_login else None
 
 
-def max_pages_for(descriptors: int, wanted: int) -> int:
-    """How many pages fit into a process that may open `descriptors` files: at least 1, and `wanted` at most."""
-    return max(1, min(wanted, (descriptors - RESERVED_DESCRIPTORS) // DESCRIPTORS_PER_PAGE))
+def max_before_login_for(descriptors: int, wanted: int) -> int:
+    """How many connections before login fit into a process that may open `descriptors` files: at most an eighth."""
+    return max(8, min(wanted, descriptors // 8))
 
 
-async def _authenticate(authenticator: Authenticator, websocket: WebSocket) -> Login | None:
+def max_pages_for(descriptors: int, wanted: int, before_login: int = 0) -> int:
+    """How many pages fit beside `before_login` connections: at least 1, and `wanted` at most."""
+    room = descriptors - RESERVED_DESCRIPTORS - (before_login + BACKLOG if before_login else 0)
+    return max(1, min(wanted, room // DESCRIPTORS_PER_PAGE))
+
+
+async def _authenticate(authenticate: Callable[[WebSocket], Login], websocket: WebSocket) -> Login | None:
     """The login that opens a WebSocket; None when the upgrade was refused with an HTTP answer."""
     await websocket.receive()
     try:
-        return authenticator.admit(websocket)
+        return authenticate(websocket)
     except LoginError as error:
         answer = JSONResponse({"error": str(error)}, status_code=401)
     except OriginError as error:

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 class Limits:
     """Times are in s."""
 
-    first_frame_seconds: float = 30.0
-    """A client that has not sent `initialize` by then is disconnected."""
+    first_frame_seconds: float = 25.0
+    """A client that has not sent `initialize` by then is disconnected; a little sooner than the agent would do it."""
     stall_seconds: float = 15.0
     """A side that takes nothing of what waits for it during this time is disconnected."""
     agent_exit_seconds: float = 2.0

@@ -9,11 +9,18 @@ import socket
 import uvicorn
 
 from backend.bridge.app import create_app
-from backend.bridge.connection_limits import DESCRIPTORS_PER_PAGE, RESERVED_DESCRIPTORS, max_pages_for
+from backend.bridge.connection_limits import (
+    DESCRIPTORS_PER_PAGE,
+    RESERVED_DESCRIPTORS,
+    max_before_login_for,
+    max_pages_for,
+)
 from backend.bridge.limits import Limits
-from backend.bridge.websocket_protocol import WebSocketProtocol
+from backend.bridge.websocket_protocol import websocket_protocol
 from backend.config import ConfigError, Settings
+from backend.connections_before_login import ConnectionsBeforeLogin
 from backend.descriptors import raise_limit
+from backend.http_protocol import BACKLOG, HttpLimits, uvicorn_options
 
 PING_SECONDS = 5.0
 PONG_SECONDS = 15.0
@@ -30,15 +37,18 @@ async def serve(settings: Settings, *, listener: socket.socket | None = None, li
     """
     for name in ("httpx", "websockets"):  # they log a line for every health check
         logging.getLogger(name).setLevel(logging.WARNING)
-    wanted = settings.bridge.max_connections
-    descriptors = raise_limit(wanted * DESCRIPTORS_PER_PAGE + RESERVED_DESCRIPTORS)
-    app = create_app(settings, max_pages=max_pages_for(descriptors, wanted), limits=limits)
+    wanted, most = settings.bridge.max_connections, settings.bridge.requests
+    descriptors = raise_limit(wanted * DESCRIPTORS_PER_PAGE + most.max_before_login + BACKLOG + RESERVED_DESCRIPTORS)
+    strangers = max_before_login_for(descriptors, most.max_before_login)
+    before_login = ConnectionsBeforeLogin(strangers, most.max_before_login_per_address)
+    app = create_app(settings, max_pages=max_pages_for(descriptors, wanted, strangers), limits=limits)
     bound = listener or listen(settings)
     host, port = bound.getsockname()[:2]
     server = uvicorn.Server(
         uvicorn.Config(
             app,
-            ws=WebSocketProtocol,
+            **uvicorn_options(HttpLimits(before_login, most.header_timeout, most.body_timeout)),
+            ws=websocket_protocol(before_login),
             ws_max_size=settings.bridge.max_frame_bytes,
             ws_ping_interval=PING_SECONDS,
             ws_ping_timeout=PONG_SECONDS,

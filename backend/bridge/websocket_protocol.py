@@ -4,6 +4,9 @@ Through ASGI every message costs two turns of the event loop, reading from the s
 bytes become text and bytes again. A relay needs none of that. It needs what ASGI lacks: to know when the client reads
 slowly, and to disconnect it. The handshake, pings, fragments and closing remain uvicorn's.
 
+Of what a client sends, little is handled at a time, and no faster than its login's pace: many small messages must not
+keep the event loop from Stop. Until a connection is admitted, it counts among those before login.
+
 It builds on a class of uvicorn that is not public API: `pyproject.toml` pins uvicorn's minor version.
 """
 
@@ -17,7 +20,13 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 from websockets.exceptions import InvalidState
 from websockets.http11 import Request
 
+from backend.bridge.reading_pace import BYTES_PER_MESSAGE, LONGEST_PAUSE_S
+from backend.connections_before_login import ConnectionsBeforeLogin, Use
+from backend.rates import TokenBucket
+
 _EXTENSION = "robot-acp.websocket"
+_READ_BYTES = 2048
+"""So much is read from a connection before the others have their turn: 250 messages of the smallest size."""
 
 
 class MessageReceiver(Protocol):
@@ -33,7 +42,20 @@ class MessageReceiver(Protocol):
 class WebSocketProtocol(WebSocketsSansIOProtocol):
     """One connection. It is plain ASGI until `take_over`; its end is always reported through ASGI."""
 
+    _before_login: ConnectionsBeforeLogin | None = None  # set by websocket_protocol
     _receiver: MessageReceiver | None = None  # set by take_over
+    _pace: TokenBucket | None = None  # set by admitted
+    _pause: asyncio.TimerHandle | None = None  # set while the pace lets nothing be read
+
+    @staticmethod
+    def admitted(scope: Scope, pace: TokenBucket) -> None:
+        """The WebSocket of this scope has a login, and is read at the login's pace."""
+        connection: WebSocketProtocol | None = scope.get("extensions", {}).get(_EXTENSION)
+        if connection is None:
+            return  # a test serves it with another protocol
+        connection._pace = pace
+        if connection._before_login is not None:
+            connection._before_login.remove(connection)
 
     @staticmethod
     def of(scope: Scope) -> WebSocketProtocol:
@@ -72,7 +94,8 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
     def resume_reading(self) -> None:
         """Read again."""
         self.read_paused = False
-        self.transport.resume_reading()
+        if self._pause is None:
+            self.transport.resume_reading()
 
     def unsent(self) -> int:
         """The bytes that wait for the client to read them."""
@@ -82,7 +105,56 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
         """Disconnect at once; what waits to be sent is lost."""
         self.transport.abort()
 
-    # Called by uvicorn:
+    async def receive(self) -> Any:
+        """The next event for ASGI."""
+        message = await self.queue.get()
+        if self.read_paused and self.queue.empty():
+            self.resume_reading()
+        return message
+
+    # Called by uvicorn and the transport:
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Count the connection."""
+        super().connection_made(transport)
+        if hasattr(transport, "max_size"):
+            transport.max_size = _READ_BYTES  # of asyncio's transports: how much is read at a time
+        if self._before_login is not None:
+            self._before_login.add(self, self.client[0] if self.client else None, self.transport.abort)
+            self._before_login.set_use(self, Use.ANSWERING)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Count it no more."""
+        if self._before_login is not None:
+            self._before_login.remove(self)
+        if self._pause is not None:
+            self._pause.cancel()
+        super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        """Handle what has arrived."""
+        super().data_received(data)
+        self._spend(len(data) / BYTES_PER_MESSAGE)
+
+    def handle_events(self) -> None:
+        """Handle what was read."""
+        messages = len(self.conn.events)
+        super().handle_events()
+        self._spend(messages)
+
+    def _spend(self, messages: float) -> None:
+        """Count what was read; where it was too much, the next is read later."""
+        if self._pace is None or self.transport.is_closing():
+            return
+        wait = self._pace.spend(self.loop.time(), messages)
+        if wait and self._pause is None:
+            self.transport.pause_reading()
+            self._pause = self.loop.call_later(min(wait, LONGEST_PAUSE_S), self._end_pause)
+
+    def _end_pause(self) -> None:
+        self._pause = None
+        if not self.read_paused:
+            self.transport.resume_reading()
 
     def handle_connect(self, event: Request) -> None:
         """Add this connection to the scope of a WebSocket whose handshake is valid."""
@@ -111,3 +183,12 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
         super().resume_writing()
         if self._receiver is not None:
             self._receiver.client_congested(False)
+
+
+def websocket_protocol(before_login: ConnectionsBeforeLogin) -> type[WebSocketProtocol]:
+    """The class for `uvicorn.Config(ws=…)`."""
+
+    class Counted(WebSocketProtocol):
+        _before_login = before_login
+
+    return Counted

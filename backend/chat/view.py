@@ -106,7 +106,7 @@ class View:
         if turn.get("state") != "ended":
             return []
         self.status = ""
-        return [Line("note", f"Cancelled. {self.robot} has stopped.")] if turn.get("stopReason") == "cancelled" else []
+        return [Line("note", "Cancelled.")] if turn.get("stopReason") == "cancelled" else []
 
 
 def _blocks(update: dict[str, Any]) -> list[dict[str, Any]]:

@@ -70,6 +70,15 @@ class Remaining:
 
 
 @dataclass(frozen=True)
+class Capabilities:
+    """What a robot has beyond wheels, map and pose. A tool that needs a part that is missing is not offered."""
+
+    camera: bool = True
+    voice: bool = True
+    laser: bool = True
+
+
+@dataclass(frozen=True)
 class Picture:
     """A camera picture as JPEG, its size in pixels, and the robot's pose when it was taken."""
 
@@ -98,6 +107,11 @@ class Robot(Protocol):
     @property
     def footprint_radius(self) -> float:
         """Radius in m of the circle that encloses the robot, around the point that it turns about."""
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """Which parts the robot has, as it was set up. They stay the same while it runs: a camera that is broken is
+        still a camera, and refuses."""
 
     def clock(self) -> float:
         """The robot's time, in Unix seconds. A simulated robot's time may pass faster than the wall's."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Protocol
 
 from backend.config import Settings
@@ -67,7 +66,10 @@ def ros2(settings: Settings, waits: Waits | None = None) -> tuple[RunningRobot, 
         place = world.load(robot.world)
         places, zones = place.places, [*place.zones, *zones]
     if ros.places:
-        places = world.names(Path(ros.places).expanduser())
+        places = world.names(ros.places)
+        if places.frame_id != ros.map_frame:
+            sentence = f"{ros.places}: frame_id is {places.frame_id}, but the robot's map has the frame {ros.map_frame}"
+            raise world.WorldError(f"{sentence} (robot.ros2.map_frame). Poses of another frame are other points.")
     interfaces.provide(settings.data_dir, ros.distro)
     from backend.mcp_robot.ros2.ros2_robot import Ros2Robot
 

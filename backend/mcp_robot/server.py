@@ -16,7 +16,9 @@ import uvicorn
 from starlette.applications import Starlette
 
 from backend import config, identity
-from backend.config import Settings
+from backend.config import ConfigError, Settings
+from backend.connections_before_login import ConnectionsBeforeLogin
+from backend.http_protocol import HttpLimits, uvicorn_options
 from backend.mcp_robot import robots, stdio_transport
 from backend.mcp_robot.http.routes import create_app
 from backend.mcp_robot.motion.pilot import Pilot
@@ -29,6 +31,8 @@ logger = logging.getLogger(__name__)
 
 SEND_BUFFER = 128 * 1024
 """Bytes that the kernel may buffer for one connection. Telemetry in that buffer can no longer be replaced by newer."""
+MAX_CONNECTIONS = 256
+"""HTTP connections at once, without WebSockets; beyond it the one that has waited longest is closed."""
 GRACE = 2
 """Seconds that open connections have to end when the server shuts down."""
 
@@ -44,7 +48,7 @@ async def serve(
 
     `on_ready` is called with the port once it answers. `built` is the robot and its keep-out zones, where the caller
     has built them already; else the settings say which. Raises `WorldError` for a world that cannot be used,
-    `Ros2Missing` where ROS 2 cannot be used, and `OSError` for an address that cannot be had.
+    `Ros2Missing` where ROS 2 cannot be used, and `ConfigError` for an address that cannot be had.
     """
     robot_settings = settings.robot
     robot, zones = built or robots.build(settings)
@@ -79,6 +83,7 @@ class _Http(uvicorn.Server):
         super().__init__(
             uvicorn.Config(
                 app,
+                **uvicorn_options(HttpLimits(ConnectionsBeforeLogin(MAX_CONNECTIONS, MAX_CONNECTIONS))),
                 ws="websockets-sansio",
                 ws_per_message_deflate=False,
                 ws_max_size=64 * 1024,
@@ -114,7 +119,7 @@ def _listen(settings: config.Robot) -> socket.socket:
         notice_loss(listener, settings.limits.client_silence)
         listener.bind((host, port))
         listener.listen(128)
-    except OSError:
+    except OSError as error:
         listener.close()
-        raise
+        raise ConfigError(f"The robot server cannot listen on {host}:{port}: {error.strerror or error}.") from None
     return listener

@@ -34,6 +34,7 @@ from backend.bridge.scene.proxy import SceneSocket
 from backend.bridge.scene.scene import Scene
 from backend.config import Settings
 from backend.identity import Role
+from backend.robot_server import RobotServerClient
 from tests.bridge.scenes import PATIENCE, TelemetryPeer, telemetry_peer
 from tests.bridge.viser_page import SUBPROTOCOL
 
@@ -233,7 +234,7 @@ def scene_with(robot: TelemetryPeer) -> Callable[..., Any]:
 
     @asynccontextmanager
     async def running(**options: Any) -> AsyncIterator[Scene]:
-        scene = Scene("Sancho", f"ws://127.0.0.1:{robot.port}/telemetry", b"secret", **options)
+        scene = Scene("Sancho", RobotServerClient(f"http://127.0.0.1:{robot.port}", b"secret"), **options)
         task = asyncio.create_task(scene.run())
         try:
             await eventually(lambda: robot.subscriptions)

@@ -66,7 +66,7 @@ async def test_the_embedded_scene_is_a_picture_that_says_when_it_stands_still_an
         await page.goto(f"{origin}/api/health")  # any page of ours, to embed it in
         await page.set_content(
             "<body style='margin:0'><input autofocus><br>"
-            f"<iframe src='{origin}/scene/' style='border:0;width:390px;height:360px'></iframe>"
+            f"<iframe src='{origin}/scene/' sandbox='allow-scripts' style='border:0;width:390px;height:360px'></iframe>"
         )
         scene = await (await page.wait_for_selector("iframe")).content_frame()
 
@@ -273,8 +273,20 @@ async def test_only_a_graphics_chip_has_to_smooth_edges(page, renderer, smooth):
     )
 
 
+OUTER_PAGE = """<script>
+  setInterval(() => {
+    const frame = document.querySelector("iframe");
+    const covered = !frame.checkVisibility({ visibilityProperty: true });
+    const message = { type: "scene-frame", lang: document.documentElement.lang, covered };
+    frame.contentWindow.postMessage(message, "*");
+  }, 20);
+</script>"""
+"""What the dashboard tells the map in its frame."""
+FRAME = f"<iframe src='{ADDRESS}' sandbox='allow-scripts'></iframe>"
+
+
 async def test_a_covered_map_is_not_drawn(page, wait_until):
-    around = f"<!doctype html><body><iframe src='{ADDRESS}'></iframe>"
+    around = f"<!doctype html><body>{FRAME}{OUTER_PAGE}"
     await page.route(ADDRESS, lambda route: route.fulfill(content_type=HTML, body=patched_page(DRAWING)))
     await page.route("http://robot.test/", lambda route: route.fulfill(content_type=HTML, body=around))
     await page.goto("http://robot.test/")
@@ -282,6 +294,7 @@ async def test_a_covered_map_is_not_drawn(page, wait_until):
     await scene.wait_for_function("drawn.length > 10")
     await page.evaluate("document.body.style.visibility = 'hidden'")
     # Frames of the page around it are granted all the while; one that was granted before may still be drawn.
+    await scene.wait_for_function("outerPage.covered")
     await granted(page, 5)
     before = await scene.evaluate("drawn.length")
     await granted(page, 60)
@@ -294,9 +307,7 @@ async def test_the_notice_speaks_the_language_of_the_page_around_it(page, wait_u
     await page.route(ADDRESS, lambda route: route.fulfill(content_type=HTML, body=patched_page(DRAWING)))
     await page.route(
         "http://robot.test/",
-        lambda route: route.fulfill(
-            content_type=HTML, body=f"<!doctype html><html lang=es><body><iframe src='{ADDRESS}'></iframe>"
-        ),
+        lambda route: route.fulfill(content_type=HTML, body=f"<!doctype html><html lang=es><body>{FRAME}{OUTER_PAGE}"),
     )
     await page.goto("http://robot.test/")
     scene = await (await page.wait_for_selector("iframe")).content_frame()

@@ -18,6 +18,8 @@ import zstandard
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 
+from backend.bridge.scene.viser_port import SECRET_HEADERS
+
 SUBPROTOCOL = f"viser-v{viser.__version__}"
 
 CAMERA = {
@@ -138,4 +140,11 @@ async def viser_page(opening: connect) -> AsyncIterator[ViserPage]:
 
 def dial(port: int) -> connect:
     """A page's WebSocket to viser itself, past the bridge: nobody counts as watching."""
-    return connect(f"ws://127.0.0.1:{port}/", subprotocols=[SUBPROTOCOL], compression=None, max_size=None, proxy=None)
+    return connect(
+        f"ws://127.0.0.1:{port}/",
+        subprotocols=[SUBPROTOCOL],
+        additional_headers=SECRET_HEADERS,
+        compression=None,
+        max_size=None,
+        proxy=None,
+    )

@@ -48,9 +48,7 @@ def test_progress_is_a_status_and_no_line() -> None:
 
 def test_a_cancelled_turn_says_so() -> None:
     meta = {"robot-acp/turn": {"id": "1", "state": "ended", "stopReason": "cancelled"}}
-    assert shown({"sessionUpdate": "session_info_update", "_meta": meta}) == [
-        Line("note", "Cancelled. Sancho has stopped.")
-    ]
+    assert shown({"sessionUpdate": "session_info_update", "_meta": meta}) == [Line("note", "Cancelled.")]
 
 
 def test_an_update_of_a_kind_that_it_does_not_know_is_left_out() -> None:

@@ -5,6 +5,7 @@ What counts is what the robot did meanwhile, and that afterwards every screen sh
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import AsyncIterator, Iterator
 
@@ -40,12 +41,19 @@ async def cable(up: Running) -> AsyncIterator[Cable]:
 
 
 class Screen(Dashboard):
-    """A page and what came over its latest connection: a page that connects again asks for the whole session anew."""
+    """A page, what came over its connections, and how often it has asked for a whole session."""
+
+    def __init__(self, page: Page) -> None:
+        super().__init__(page)
+        self.loads = 0
 
     def _follow(self, wire: WebSocket) -> None:
-        if wire.url.endswith("/acp"):
-            self.heard = []
         super()._follow(wire)
+        if wire.url.endswith("/acp"):
+            wire.on("framesent", self._sent)
+
+    def _sent(self, frame: str | bytes) -> None:
+        self.loads += json.loads(frame).get("method") == "session/load"
 
     @classmethod
     async def of_page(cls, page: Page) -> Screen:
@@ -99,6 +107,7 @@ async def test_after_a_cut_of_30_s_in_mid_turn_every_screen_is_complete(
         for screen in (near, far):
             await shows(screen, session)
 
+        loads = [screen.loads for screen in (near, far, visitor)]
         cut_at = time.monotonic()
         await cable.cut()
         await offline(visitor, far)
@@ -119,11 +128,16 @@ async def test_after_a_cut_of_30_s_in_mid_turn_every_screen_is_complete(
 
     log = await the_log(up, session)
     assert [number for number, _ in log] == list(range(1, len(log) + 1))
-    # Whoever stayed heard it live after what was there already, and saw nothing twice.
-    for screen in (near, far, visitor):
-        await eventually(lambda here=screen: here.events(session) == log, "all of the log, in its order")
+    # Whoever stayed heard it live after what was there already; whoever came back heard the rest. Nobody saw anything
+    # twice, and the visitor's own words come back to the others alone.
+    mine = [event for event in log if event[1]["sessionUpdate"] == "user_message_chunk"]
+    assert len(mine) == 1
+    for screen, whole in ((near, log), (far, log), (visitor, [event for event in log if event not in mine])):
+        await eventually(lambda here=screen, all=whole: here.events(session) == all, "all of the log, in its order")
+    assert [screen.loads for screen in (near, far, visitor)] == loads
     seen = await conversation(far.page)
     await expect(near.page.get_by_test_id("conversation")).to_have_text(seen, use_inner_text=True)
+    far.heard.clear()
     await far.page.reload()
     await eventually(lambda: far.events(session) == log, "the session after a reload")
     await expect(far.page.get_by_test_id("conversation")).to_have_text(seen, use_inner_text=True)

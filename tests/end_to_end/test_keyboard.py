@@ -48,7 +48,11 @@ async def test_from_the_login_to_what_the_robot_says(tmp_path: Path, open_plain:
         await screens.online(page)
 
         await tab_to(page, page.get_by_role("link", name="Skip to the conversation"))
+        address = page.url
+        assert "#/s/" in address
         await page.keyboard.press("Enter")
+        assert page.url == address, "it names the session"
+        await expect(page.get_by_role("log", name="Conversation")).to_be_focused()
         await tab_to(page, page.get_by_role("textbox", name="Message to Sancho"))
         await page.keyboard.type("say that the meeting is at noon")
         await page.keyboard.press("Enter")

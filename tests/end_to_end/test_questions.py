@@ -186,3 +186,39 @@ async def test_what_is_remembered_is_said_before_and_can_be_read_afterwards(up: 
     await page.get_by_test_id("question-settings").click()
     await expect(page.get_by_test_id("setting-sound")).to_be_visible()
     await expect(page.get_by_test_id("remembered")).to_have_count(0)
+
+
+async def test_on_a_phone_an_answer_opens_no_keyboard(up: Running, open_plain: Opener) -> None:
+    page = await supervisor(up, open_plain, viewport=PHONE, has_touch=True, is_mobile=True)
+    await screens.new_session(page)
+    await ask(page, "say hello")
+    await expect(page.get_by_test_id("permission-reject")).to_be_focused()
+    await page.get_by_test_id("permission-reject").tap()
+    await expect(page.get_by_test_id("permission")).to_have_count(0)
+    await expect(page.get_by_test_id("conversation")).to_be_focused()
+    await screens.idle(page)
+
+
+async def test_a_question_that_is_withdrawn_leaves_the_focus_where_one_goes_on(up: Running, open_plain: Opener) -> None:
+    page = await supervisor(up, open_plain)
+    await ask(page, "say hello")
+    await expect(page.get_by_test_id("permission-reject")).to_be_focused()
+    other = await open_plain(login(up, "Tom", Role.SUPERVISOR))  # who watches the session that controls the robot
+    await other.get_by_test_id("permission-reject").click()
+    await expect(page.get_by_test_id("permission")).to_have_count(0)
+    await expect(page.get_by_test_id("composer")).to_be_focused()
+
+
+async def test_what_people_approve_is_what_they_read(up: Running, open_plain: Opener, pictures: Path) -> None:
+    page = await supervisor(up, open_plain)
+    await ask(page, "say that the \u202etoof\u202c is at\u200b noon")
+    question = page.get_by_test_id("permission")
+    await expect(question).to_contain_text("‹U+202E›toof‹U+202C› is at‹U+200B› noon")
+    await expect(page.get_by_test_id("user-message").last).to_contain_text("‹U+202E›toof")
+    await expect(page.get_by_test_id("session-item").first).to_contain_text("‹U+202E›toof")
+    assert "\u202e" not in await page.locator("body").inner_text()
+    await page.screenshot(path=pictures / "question-marks.png")
+    await page.set_viewport_size(PHONE)
+    await page.screenshot(path=pictures / "question-marks-phone.png")
+    await page.get_by_test_id("permission-reject").click()
+    await screens.idle(page)

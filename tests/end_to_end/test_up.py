@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
+import sys
+import threading
+import time
 from pathlib import Path
 
 import httpx
 
+from backend.identity import Role
 from tests.end_to_end.conftest import start
-from tests.processes import PATIENCE_S, Robot, end, listens, wait_until
+from tests.processes import PATIENCE_S, STARTS_S, Robot, end, free_port, listens, wait_until
 
+FOREIGN_ROBOT = Path(__file__).parent.parent / "foreign_robot.py"
 ROOT = Path(__file__).parent.parent.parent
 
 
@@ -57,6 +63,71 @@ def test_a_process_that_dies_is_started_again_and_the_others_stay(tmp_path: Path
         assert set(before) - {agent} < set(children(up.process.pid))
     finally:
         end(up.process, signal.SIGINT)
+
+
+def test_with_another_robot_no_robot_of_ours_is_started(tmp_path: Path) -> None:
+    port = free_port()
+    other = subprocess.Popen([sys.executable, str(FOREIGN_ROBOT), str(port), str(tmp_path / "noted"), "no-stop"])
+    try:
+        wait_until(lambda: listens(port), "the other robot")
+        robot = Robot(tmp_path / "data", {"ROBOT_ACP_AGENT__ROBOT_URL": f"http://127.0.0.1:{port}/mcp"})
+        process = robot.start("up", stdout=subprocess.DEVNULL)
+        try:
+            wait_until(lambda: health(robot).get("status") == "ok", "agent, bridge and the other robot", STARTS_S)
+            assert len(children(process.pid)) == 2
+            assert not listens(robot.robot_port)
+            bearer = {"Authorization": f"Bearer {robot.token('Vera', Role.VIEWER)}"}
+            stop = f"http://127.0.0.1:{robot.bridge_port}/api/stop"
+            answer = httpx.post(stop, headers=bearer, trust_env=False, timeout=PATIENCE_S)
+            assert answer.status_code == 503
+            assert answer.json()["error"].startswith("This robot has no stop path here, so it was not stopped.")
+        finally:
+            end(process, signal.SIGINT)
+    finally:
+        end(other)
+
+
+def test_a_world_that_cannot_be_loaded_ends_it_at_once_with_one_sentence(tmp_path: Path) -> None:
+    error = output_of_a_failing_up(Robot(tmp_path), "--world", str(tmp_path / "nowhere"))
+    assert "Traceback" not in error
+    assert error.count("nowhere") == 1
+    assert error.splitlines()[-1] == (
+        "robot-acp: The robot cannot come up; its own message says why. Everything has ended."
+    )
+    assert "starting it again" not in error
+
+
+def test_a_mode_that_there_is_not_ends_it_at_once(tmp_path: Path) -> None:
+    error = output_of_a_failing_up(Robot(tmp_path, {"ROBOT_ACP_AGENT__DEFAULT_MODE": "careless"}))
+    assert error.count("robot-acp: agent.default_mode: there is no mode 'careless'.") == 1
+    assert error.splitlines()[-1] == (
+        "robot-acp: The agent cannot come up; its own message says why. Everything has ended."
+    )
+
+
+def output_of_a_failing_up(robot: Robot, *arguments: str) -> str:
+    """What `up` writes to stderr; it ends by itself with the status for settings that cannot be used, and leaves
+    nothing running."""
+    process = robot.start("up", *arguments, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL)
+    pids: set[int] = set()
+    reading = threading.Thread(target=lambda: pids.update(seen_children(process)))
+    reading.start()
+    _, error = process.communicate(timeout=STARTS_S)
+    reading.join()
+    assert process.returncode == 2, error
+    assert pids
+    assert not any(alive(pid) for pid in pids)
+    return str(error)
+
+
+def seen_children(process: subprocess.Popen[str]) -> set[int]:
+    """The ids of all processes that it starts until it ends."""
+    seen: set[int] = set()
+    while process.poll() is None:
+        with contextlib.suppress(OSError):
+            seen.update(children(process.pid))
+        time.sleep(0.02)
+    return seen
 
 
 def test_an_address_that_is_taken_is_told_with_what_to_do(tmp_path: Path) -> None:

@@ -63,7 +63,19 @@ def test_a_map_is_free_occupied_or_unknown_and_in_doubt_unknown() -> None:
     assert (grid.resolution, grid.origin_x, grid.origin_y) == (0.05, -1.0, 2.0)
 
 
-@pytest.mark.parametrize("changes", [{"width": 4}, {"width": 0}, {"resolution": 0.0}, {"turned": 0.5}])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"width": 4},
+        {"width": 0},
+        {"resolution": 0.0},
+        {"resolution": 1e-4},
+        {"resolution": math.inf},
+        {"resolution": math.nan},
+        {"turned": 0.5},
+        {"origin": Message(position=Message(x=1e300, y=0.0), orientation=turned(0.0))},
+    ],
+)
 def test_a_map_that_does_not_fit_is_not_believed(changes: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match="a map"):
         convert.grid(grid_message(**changes))
@@ -143,12 +155,23 @@ def test_pictures_of_several_encodings_become_the_same_jpeg() -> None:
         assert (width, height) == (6, 4)
 
 
+def bomb() -> bytes:
+    """A picture of few bytes and many pixels."""
+    buffer = io.BytesIO()
+    Image.new("1", (9000, 9000)).save(buffer, "PNG")
+    return buffer.getvalue()
+
+
 @pytest.mark.parametrize(
     "message",
     [
         Message(encoding="yuv422", width=2, height=2, step=4, data=b"12345678"),
         Message(encoding="rgb8", width=2, height=2, step=6, data=b"1234"),
+        Message(encoding="rgb8", width=60_000, height=60_000, step=180_000, data=b"1234"),
         Message(format="jpeg", data=b"no picture"),
+        Message(format="jpeg", data=b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n%%EndComments\nshowpage\n"),
+        Message(format="jpeg", data=bytes(11_000_000)),
+        Message(format="png", data=bomb()),
     ],
 )
 def test_a_picture_that_cannot_be_read_is_told(message: Message) -> None:

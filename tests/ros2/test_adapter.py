@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from backend.telemetry import Pose
-from tests.mcp_robot.tools.test_tools import apart, call, refused
+from tests.mcp_robot.tools.test_tools import TOOLS, apart, call, refused
 from tests.processes import eventually
 from tests.ros2.conftest import Setting, node
 from tests.ros2_robots import WAITS
@@ -220,12 +220,25 @@ async def test_what_nav2_says_of_its_failure_is_told_with_a_code(real_time: Sett
             assert "(a chair leg)" in text
 
 
-async def test_a_camera_that_is_dead_is_told_and_one_that_is_raw_is_read(real_time: Setting) -> None:
+async def test_a_camera_that_is_dead_is_told(real_time: Setting) -> None:
     async with real_time.served(image="no/camera", camera_timeout=0.3) as robot, robot.mcp() as client:
         text = await refused(client, "take_photo")
         assert text == "no_camera: No picture came on the topic no/camera within 0.3 s. Is the camera running?"
-    async with real_time.served(image="") as robot, robot.mcp() as client:
-        assert (await refused(client, "take_photo")).startswith("no_camera: This robot has no camera")
+
+
+@pytest.mark.parametrize(
+    ("without", "missing"),
+    [
+        ({"image": ""}, {"take_photo"}),
+        ({"speech": ""}, {"speak"}),
+        ({"scan": ""}, {"navigate_to_pose", "navigate_to_place"}),
+    ],
+)
+async def test_a_robot_has_no_tool_for_a_part_that_it_lacks(
+    real_time: Setting, without: dict[str, str], missing: set[str]
+) -> None:
+    async with real_time.served(**without) as robot, robot.mcp() as client:
+        assert {tool.name for tool in (await client.list_tools()).tools} == TOOLS - missing
 
 
 async def test_a_robot_without_a_listener_for_speech_has_no_voice(real_time: Setting) -> None:
@@ -278,12 +291,6 @@ async def test_a_robot_whose_odometry_dies_on_the_way_is_halted(
         assert result.is_error
         assert result.content[0].text.startswith("lost: The robot's odometry is silent")  # type: ignore[union-attr]
         await reader.state(lambda s: s.twist.linear == 0 and s.motion is None)
-
-
-async def test_a_robot_without_a_laser_does_not_drive(real_time: Setting) -> None:
-    async with real_time.served(scan="") as robot, robot.mcp() as client:
-        text = await refused(client, "navigate_to_place", place="reception")
-        assert text.startswith("blind: The laser has no readings")
 
 
 async def test_a_robot_without_a_map_says_so(real_time: Setting) -> None:

@@ -29,3 +29,11 @@ export function writeStored(key: string, value: string): void {
     // Storage is forbidden or full; nothing depends on it.
   }
 }
+
+export function removeStored(key: string): void {
+  try {
+    window.localStorage.removeItem(key);
+  } catch {
+    // Storage is forbidden; then nothing was stored.
+  }
+}

@@ -5,3 +5,7 @@ import { afterEach } from "vitest";
 configure({ asyncUtilTimeout: 30_000 });
 
 afterEach(cleanup);
+
+// jsdom has no layout: no media query matches.
+window.matchMedia = (media) =>
+  Object.assign(new EventTarget(), { media, matches: false }) as unknown as MediaQueryList;

@@ -20,6 +20,8 @@ from backend import meta as keys
 from backend import wire
 from backend.agent.acp.dispatch import Dispatcher
 from backend.agent.acp.outbox import Outbox
+from backend.agent.acp.request_limits import Account, ReadingPace, RequestLimits
+from backend.connections_before_login import ConnectionsBeforeLogin
 from backend.identity import Identity, Right
 
 log = logging.getLogger(__name__)
@@ -31,16 +33,21 @@ DISMISS_S = 1.0
 class ClientConnection:
     """An ACP connection over an NDJSON stream, and a session's listener.
 
-    `identity` is set by `initialize` or `authenticate`; it is None before, after `logout`, and once the login ended.
-    `local` says that the client runs on this machine.
+    `local` says that the client runs on this machine. While it is not logged in it counts in `before_login`, and its
+    messages have to be short and the first one has to come soon; None for a client that cannot be a stranger.
     """
 
     def __init__(
-        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, local: bool, max_outbox_bytes: int
+        self,
+        reader: asyncio.StreamReader,
+        writer: asyncio.StreamWriter,
+        local: bool,
+        max_outbox_bytes: int,
+        limits: RequestLimits | None = None,
+        before_login: ConnectionsBeforeLogin | None = None,
     ) -> None:
         self.id = uuid.uuid4().hex[:8]
         self.local = local
-        self.identity: Identity | None = None
         self.initialized = False
         """Set when the first message was a request to initialize."""
         self.client_capabilities: dict[str, Any] = {}
@@ -50,9 +57,31 @@ class ClientConnection:
         self._reader = reader
         self._outbox = Outbox(writer)
         self._max_outbox_bytes = max_outbox_bytes
+        self._limits = limits or RequestLimits()
+        self._own_account = self._limits.new()
+        self._pace = ReadingPace()
+        self._before_login = before_login
+        self._host: str | None = (writer.get_extra_info("peername") or [None])[0] or None
+        self._identity: Identity | None = None
+        self._count_before_login()
         self._questions_asked = 0
         self._answers: dict[str, asyncio.Future[Any]] = {}
         """The open questions to the client, by request id."""
+
+    @property
+    def identity(self) -> Identity | None:
+        """Set by `initialize` or `authenticate`; None before, after `logout`, and once the login has ended."""
+        return self._identity
+
+    @identity.setter
+    def identity(self, identity: Identity | None) -> None:
+        self._identity = identity
+        self._count_before_login()
+
+    @property
+    def account(self) -> Account:
+        """What the login of this connection asks for, over all its connections."""
+        return (self._identity and self._limits.of(self._identity)) or self._own_account
 
     @property
     def name(self) -> str:
@@ -94,9 +123,16 @@ class ClientConnection:
         finally:
             self._outbox.finish()
 
+    def _count_before_login(self) -> None:
+        if self._before_login is None:
+            return
+        self._before_login.remove(self)
+        if self._identity is None:
+            self._before_login.add(self, self._host, self._outbox.abort)
+
     async def _handle_messages(self, router: MessageRouter) -> None:
         async with asyncio.TaskGroup() as handlers:
-            dispatcher = Dispatcher(router, self.deliver, handlers)
+            dispatcher = Dispatcher(router, self.deliver, handlers, lambda: self.account)
             try:
                 while (frame := await self._next_frame()) is not None:
                     if frame.kind == "response":
@@ -114,9 +150,10 @@ class ClientConnection:
         """The next checked message; None at the end. A bad frame is answered here, and reading goes on."""
         while not self._outbox.closed:
             try:
-                line = await wire.read_line(self._reader)
+                line = await self._read_line()
                 if line is None:
                     return None
+                self._pace.count(self.account, len(line))
                 frame = wire.check(line)
             except wire.BadFrame as bad:
                 if not self.initialized:
@@ -124,7 +161,7 @@ class ClientConnection:
                 if bad.reply is not None:
                     self.deliver(bad.reply + b"\n")
                 continue
-            except OSError:
+            except (OSError, TimeoutError):
                 return None
             if not self.initialized and (frame.kind, frame.method) != ("request", "initialize"):
                 if (frame.kind, frame.method) == ("request", wire.HEALTH):
@@ -133,6 +170,17 @@ class ClientConnection:
             self.initialized = True
             return frame
         return None
+
+    async def _read_line(self) -> bytes | None:
+        """The next line; before the login a short one. Raises `TimeoutError` where the first does not come in time."""
+        await self._pace.wait()
+        if self._identity or self._before_login is None:
+            return await wire.read_line(self._reader)
+        limit = self._limits.settings.max_bytes_before_login
+        if self.initialized:
+            return await wire.read_line(self._reader, limit)
+        async with asyncio.timeout(self._limits.settings.initialize_timeout):
+            return await wire.read_line(self._reader, limit, skip=False)
 
     def _accept_answer(self, frame: wire.Frame) -> None:
         answer = self._answers.get(str(frame.id))

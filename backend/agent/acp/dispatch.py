@@ -1,7 +1,8 @@
 """The messages of one client on their way to their handlers, and the answers on their way back.
 
-Handlers begin in the order in which their messages arrived. Every request gets one answer, a notification none. No
-text of an exception that this agent did not write for people leaves through here.
+Handlers begin in the order in which their messages arrived. Every request gets one answer, a notification none. A
+request beyond the login's limits is answered with an error, a notification beyond them is dropped; never one that
+cancels or stops. No text of an exception that this agent did not write for people leaves through here.
 """
 
 from __future__ import annotations
@@ -20,8 +21,12 @@ from pydantic import BaseModel, ValidationError
 from sqlalchemy.exc import SQLAlchemyError
 
 from backend import wire
+from backend.agent.acp.request_limits import Account, is_urgent
 from backend.agent.sessions.database import StoreError
 from backend.agent.sessions.store import SILENT
+
+MAX_URGENT = 16
+"""So many cancels and stops of one connection are carried out at once. Until one is done, it is not read further."""
 
 log = logging.getLogger(__name__)
 
@@ -44,13 +49,28 @@ class _Request:
 
 
 class Dispatcher:
-    """Runs the handlers of one connection as tasks of `handlers`; `send` queues an answer."""
+    """Runs the handlers of one connection as tasks of `handlers`; `send` queues an answer.
 
-    def __init__(self, router: MessageRouter, send: Callable[[bytes], None], handlers: asyncio.TaskGroup) -> None:
+    `account` returns what the login at the connection asks for at present.
+    """
+
+    def __init__(
+        self,
+        router: MessageRouter,
+        send: Callable[[bytes], None],
+        handlers: asyncio.TaskGroup,
+        account: Callable[[], Account],
+    ) -> None:
         self._router = router
         self._send = send
         self._handlers = handlers
+        self._account = account
         self._running: list[_Request] = []
+        self._limited = 0
+        """Requests and notifications that are being handled, but for the urgent ones."""
+        self._urgent = asyncio.Semaphore(MAX_URGENT)
+        self._is_first = True
+        """Whether no message has come yet: the first is `initialize`."""
 
     async def begin(self, frame: wire.Frame) -> None:
         """Begin to handle a message. Returns when its handler waits for the first time, or is done.
@@ -61,10 +81,36 @@ class Dispatcher:
         to_handle = self._cancel_request(frame) if frame.method == "$/cancel_request" else frame
         if to_handle is None:
             return
+        done: Callable[[], None]
+        if is_urgent(to_handle) or self._is_first:
+            self._is_first = False
+            await self._urgent.acquire()
+            done = self._urgent.release
+        else:
+            account = self._account()
+            try:
+                account.charge(self._limited)
+            except RequestError as error:
+                if to_handle.kind == "request":
+                    self._send(_frame(to_handle.id, "error", error.to_error_obj()))
+                return
+            done = self._occupy(account)
         begun = asyncio.Event()
         work = self._answer(to_handle, begun) if to_handle.kind == "request" else self._carry_out(to_handle, begun)
-        self._handlers.create_task(work, name=f"handler of {to_handle.method}")
+        task = self._handlers.create_task(work, name=f"handler of {to_handle.method}")
+        task.add_done_callback(lambda _: done())
         await begun.wait()
+
+    def _occupy(self, account: Account) -> Callable[[], None]:
+        """Count one more message that is being handled; the returned function counts it no more."""
+        self._limited += 1
+        account.pending += 1
+
+        def done() -> None:
+            self._limited -= 1
+            account.pending -= 1
+
+        return done
 
     def cancel_requests(self) -> None:
         """Cancel the handlers of all requests: nobody is left to be answered. Notifications are carried out."""

@@ -17,12 +17,13 @@ from backend import wire
 from backend.agent.acp.abilities import abilities
 from backend.agent.acp.event_page import event_page
 from backend.agent.acp.rights import Rights
+from backend.agent.control import stop as control
 from backend.agent.control.lease import HeldByAnother
 from backend.agent.robot.mcp_client import ServerUnavailable
-from backend.agent.robot.robot_client import RobotError
 from backend.agent.sessions.database import StoreError
 from backend.agent.wiring import Wiring
 from backend.identity import Right
+from backend.robot_server import RobotError
 
 EXTENSIONS = (
     "_robot/telemetry",
@@ -52,7 +53,7 @@ class Extensions:
         wiring, rights = self._wiring, self._rights
         try:
             if name == "robot/stop":
-                return await wiring.link.stop(rights.known().name)
+                return await control.stop(wiring.link, wiring.sessions, rights.known().name)
             if name == "robot/release":
                 return await wiring.link.release(rights.authorized(Right.RELEASE).name)
             if name == "robot/take_over":
@@ -69,6 +70,8 @@ class Extensions:
             if name == "robot/abilities":
                 rights.known()
                 return await abilities(wiring.turns.tools, wiring.settings.agent.places_tool)
+        except control.StopFailed as failed:
+            raise RequestError(wire.INTERNAL_ERROR, str(failed), {"cancelled": failed.cancelled}) from None
         except (RobotError, ServerUnavailable) as error:
             raise RequestError(wire.INTERNAL_ERROR, str(error)) from None
         raise RequestError(wire.METHOD_NOT_FOUND, f"There is no method _{name}.")

@@ -45,7 +45,7 @@ from backend.agent.acp.dispatch import AnswerThen, after_stop, database_away
 from backend.agent.acp.extensions import Extensions
 from backend.agent.acp.initialize import Login
 from backend.agent.acp.rights import Rights
-from backend.agent.robot.robot_client import RobotError
+from backend.agent.control.stop import StopFailed, stop
 from backend.agent.robot.server_addresses import Offer, ServerRefused
 from backend.agent.sessions.retention import QuotaExceeded
 from backend.agent.sessions.session import QueueFull, Session
@@ -240,10 +240,12 @@ class Operations:
     async def _stop(self, who: Identity) -> str:
         """Stop the robot, and say in words whether it is stopped."""
         try:
-            await self._wiring.link.stop(who.name)
-        except RobotError as error:
-            return str(error)
-        return "I am stopped. A supervisor has to release me."
+            await stop(self._wiring.link, self._wiring.sessions, who.name)
+        except StopFailed as failed:
+            return str(failed)
+        if self._wiring.link.keeps_a_stop:
+            return "I am stopped. A supervisor has to release me."
+        return "The robot's own server says that the robot is stopped. Every turn was cancelled."
 
     # Settings
 

@@ -16,6 +16,7 @@ from typing import Any
 
 from backend.agent.robot.mcp_client import McpClient, ProgressCallback, ServerUnavailable, Tool, ToolResult
 from backend.agent.robot.server_addresses import Offer
+from backend.robot_address import is_loopback
 
 log = logging.getLogger(__name__)
 
@@ -41,7 +42,12 @@ class ClientServers:
         """Use these servers from now on. The former ones are disconnected, and their calls under way fail."""
         before = self._servers.values()
         self._servers = {
-            offer.name: McpClient(offer.url, offer.headers, absent=f"The MCP server {offer.name} does not answer.")
+            offer.name: McpClient(
+                offer.url,
+                offer.headers,
+                absent=f"The MCP server {offer.name} does not answer.",
+                by_proxy=not is_loopback(offer.url),  # it may be far away; a proxy's loopback is not ours
+            )
             for offer in offers
         }
         self._away = self._told = frozenset()

@@ -17,16 +17,19 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 import anyio
+import httpx2
 import mcp
 import mcp_types
 from mcp.client.stdio import StdioServerParameters, stdio_client
 from mcp.client.streamable_http import streamable_http_client
-from mcp.shared._httpx_utils import create_mcp_http_client
+from mcp.shared._httpx_utils import MCP_DEFAULT_SSE_READ_TIMEOUT, MCP_DEFAULT_TIMEOUT
 from mcp.shared.exceptions import MCPError
 
 from backend import meta as keys
 from backend.agent.control.policy import ToolTraits
 from backend.agent.robot import sign_of_life
+from backend.robot_address import without_login
+from backend.robot_server import tls_context
 from backend.visible import visible
 
 log = logging.getLogger(__name__)
@@ -139,7 +142,9 @@ ProgressCallback = Callable[[Progress], None]
 class McpClient:
     """The connection to one MCP server: an `http(s)://` URL, which gets the `headers`, or `stdio:COMMAND`.
 
-    `absent` is the sentence for people when the server does not answer; `connect_timeout` is in s.
+    `absent` is the sentence for people when the server does not answer; `connect_timeout` is in s. `by_proxy` says
+    whether a proxy of the environment may be on the way. For the robot's own server none may: it would get the secret
+    in the headers, and could delay a cancel.
     """
 
     def __init__(
@@ -149,11 +154,13 @@ class McpClient:
         *,
         absent: str,
         connect_timeout: float = CONNECT_TIMEOUT_S,
+        by_proxy: bool = False,
     ) -> None:
         self._url = url
         self._command = url.removeprefix("stdio:") if url.startswith("stdio:") else None
         self._headers = dict(headers or {})
         self._absent = absent
+        self._by_proxy = by_proxy
         self._connect_timeout = START_TIMEOUT_S if self._command else connect_timeout
         self._answer_timeout = connect_timeout
         self._closed = False
@@ -261,7 +268,10 @@ class McpClient:
             command, *arguments = shlex.split(self._command)
             yield stdio_client(StdioServerParameters(command=command, args=arguments))
         else:
-            async with create_mcp_http_client(headers=self._headers) as http:
+            timeout = httpx2.Timeout(MCP_DEFAULT_TIMEOUT, read=MCP_DEFAULT_SSE_READ_TIMEOUT)
+            async with httpx2.AsyncClient(
+                headers=self._headers, timeout=timeout, verify=tls_context(), trust_env=self._by_proxy
+            ) as http:
                 yield streamable_http_client(self._url, http_client=http, max_sse_event_size=MAX_RESULT_BYTES)
 
     async def _still_there(self, client: mcp.Client) -> bool:
@@ -288,8 +298,7 @@ class McpClient:
             await asyncio.wait([owner], timeout=PARTING_TIMEOUT_S)
 
     def _unavailable(self) -> ServerUnavailable:
-        # An address can hold a password or a whole command line: only its host or program is logged.
-        log.warning("no MCP server at %s", self._url.rpartition("@")[2].split(" ")[0])
+        log.warning("no MCP server at %s", without_login(self._url))
         return ServerUnavailable(self._absent)
 
 

@@ -1,7 +1,7 @@
-"""The agent's client of the robot server beside MCP: the telemetry stream, the stop path and previews.
+"""The agent's view of the robot beside MCP: its latest state, the stop path and previews.
 
-Only our robot server has these; with any other MCP server the state stays None and everything else works. It never
-moves the robot.
+Our robot server has these paths. Another MCP server may have them; without them the state stays None and everything
+else works. It never moves the robot.
 """
 
 from __future__ import annotations
@@ -12,23 +12,25 @@ import logging
 import math
 from collections.abc import AsyncIterator, Callable
 from typing import Any
-from urllib.parse import urlsplit
 
 import httpx
 import msgspec
-from websockets.asyncio.client import ClientConnection, connect
-from websockets.exceptions import WebSocketException
+from websockets.asyncio.client import ClientConnection
+from websockets.exceptions import InvalidHandshake, WebSocketException
 
 from backend import telemetry
+from backend.robot_server import RobotError as RobotError
+from backend.robot_server import RobotServerClient
 
 log = logging.getLogger(__name__)
 
 RATE_HZ = 20.0
 RETRY_S = 1.0
 REST_TIMEOUT_S = 5.0
+REFUSED_RETRY_S = 30.0
+"""The same where a server of another make answers, but has no telemetry."""
 STALE_S = 2.0
 """States come twenty times a second: after so long without one the latest state is no longer valid."""
-PREVIEW_TIMEOUT_S = 1.0
 
 _CONNECTION_ERRORS = (OSError, WebSocketException, msgspec.DecodeError)
 """The errors with which a telemetry connection ends."""
@@ -36,32 +38,31 @@ _CONNECTION_ERRORS = (OSError, WebSocketException, msgspec.DecodeError)
 Watcher = Callable[["telemetry.State | None"], None]
 
 
-class RobotError(Exception):
-    """The robot server did not take a stop or a release; the text says what to do."""
-
-
 class RobotClient:
     """The latest state of the robot. `state` is None while the robot server is unreachable or silent."""
 
     def __init__(
         self,
-        mcp_url: str | None,
-        bearer: str | None,
+        server: RobotServerClient,
         *,
         stale_after: float = STALE_S,
         rest_timeout: float = REST_TIMEOUT_S,
     ) -> None:
-        """`mcp_url` is that of our robot server; None for another one, which has neither telemetry nor a stop path.
-        Times are in s."""
+        """Times are in s. The server is closed by its owner."""
+        self._server = server
         self._stale_after = stale_after
         self._rest_timeout = rest_timeout
-        self._base = f"http://{urlsplit(mcp_url).netloc}" if mcp_url else None
-        self._headers = {"Authorization": f"Bearer {bearer}"} if bearer else {}
         self.state: telemetry.State | None = None
         self._silent = False
         self._news = asyncio.Condition()
         self._watchers: set[Watcher] = set()
         self._stopping: set[asyncio.Task[dict[str, Any]]] = set()
+
+    @property
+    def keeps_a_stop(self) -> bool:
+        """Whether the robot is known to refuse motion after a stop until somebody releases it. Only our robot server
+        is."""
+        return self._server.is_ours
 
     def watch(self, watcher: Watcher) -> Callable[[], None]:
         """Call `watcher` on each new state, and with None when the robot is lost; returns how to end that."""
@@ -70,23 +71,27 @@ class RobotClient:
 
     async def run(self) -> None:
         """Keep `state` up to date until cancelled; reconnect as often as needed."""
-        if self._base is None:
+        if not self._server.has_paths:
             return
         while True:
-            with contextlib.suppress(*_CONNECTION_ERRORS, TimeoutError):
-                async with self._connection(self._base) as socket:
+            pause = RETRY_S
+            try:
+                async with self._connection() as socket:
                     while True:
                         await self._take(await self._next(socket))
+            except InvalidHandshake:
+                pause = RETRY_S if self._server.is_ours else REFUSED_RETRY_S
+            except (*_CONNECTION_ERRORS, TimeoutError):
+                pass
             if self.state is not None:
-                log.warning("lost the robot's telemetry; trying again every %g s", RETRY_S)
+                log.warning("lost the robot's telemetry; trying again every %g s", pause)
             await self._set(None)
-            await asyncio.sleep(RETRY_S)
+            await asyncio.sleep(pause)
 
     @contextlib.asynccontextmanager
-    async def _connection(self, base: str) -> AsyncIterator[ClientConnection]:
+    async def _connection(self) -> AsyncIterator[ClientConnection]:
         """A telemetry connection that is subscribed to states."""
-        url = base.replace("http", "ws", 1) + "/telemetry"
-        async with connect(url, additional_headers=self._headers, max_size=2**26) as socket:
+        async with self._server.telemetry() as socket:
             await socket.send(telemetry.encode(telemetry.Subscribe(["state"], RATE_HZ)))
             yield socket
 
@@ -122,8 +127,8 @@ class RobotClient:
         there. On a new connection none can.
         """
         with contextlib.suppress(*_CONNECTION_ERRORS, TimeoutError):
-            if self._base is not None:
-                async with asyncio.timeout(self._stale_after), self._connection(self._base) as socket:
+            if self._server.has_paths:
+                async with asyncio.timeout(self._stale_after), self._connection() as socket:
                     while True:
                         message = telemetry.decode(await socket.recv(decode=False))
                         if isinstance(message, telemetry.State):
@@ -154,35 +159,24 @@ class RobotClient:
         return state.time >= since and state.motion is None and state.twist.linear == 0 and state.twist.angular == 0
 
     async def stop(self, by: str) -> dict[str, Any]:
-        """Latch the stop in the robot server. Cancelling the caller does not cancel the request. Raises
-        `RobotError`."""
-        stopping = asyncio.create_task(self._post("/stop", by), name="stop")
+        """Stop the robot: `{"stopped": {by, at}}`. Cancelling the caller does not cancel the request. Raises
+        `NotStopped`."""
+        stopping = asyncio.create_task(self._server.stop(by), name="stop")
         self._stopping.add(stopping)
         stopping.add_done_callback(self._stopping.discard)
-        return await asyncio.shield(stopping)
+        try:
+            return await asyncio.shield(stopping)
+        except RobotError as error:
+            log.error("the robot has not confirmed a stop by %s: %s", by, error)
+            raise
 
     async def release(self, by: str) -> dict[str, Any]:
         """Release the stop. Raises `RobotError`."""
-        return await self._post("/release", by)
+        return await self._server.release(by)
 
     async def forget_preview(self, own: str) -> None:
         """Withdraw the preview with this id. A failure is logged and not raised: a preview ends by itself, too."""
-        if self._base is None:
-            return
         try:
-            async with httpx.AsyncClient(headers=self._headers, timeout=PREVIEW_TIMEOUT_S, trust_env=False) as client:
-                await client.delete(f"{self._base}/preview/{own}")
-        except httpx.HTTPError as error:
+            await self._server.forget_preview(own)
+        except (httpx.HTTPError, TimeoutError) as error:
             log.info("the preview could not be taken back: %s", type(error).__name__)
-
-    async def _post(self, path: str, by: str) -> dict[str, Any]:
-        if self._base is None:
-            raise RobotError("This robot server has no stop path. Use the robot's own stop.")
-        try:
-            async with httpx.AsyncClient(headers=self._headers, timeout=3.0, trust_env=False) as client:
-                response = await client.post(self._base + path, params={"by": by})
-                response.raise_for_status()
-                return dict(response.json())
-        except (httpx.HTTPError, ValueError) as error:
-            log.error("%s failed: %s", path, type(error).__name__)
-            raise RobotError("The robot server did not take it. Use the robot's own stop button.") from error

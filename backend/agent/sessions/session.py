@@ -167,6 +167,11 @@ class Session:
         return bool(self._tasks)
 
     @property
+    def unfinished_turns(self) -> int:
+        """How many turns run, wait, or halt."""
+        return len(self._tasks)
+
+    @property
     def watching(self) -> frozenset[Listener]:
         """The connections that are attached."""
         return frozenset(self._listeners)

@@ -134,6 +134,12 @@ class Sessions:
         session.last_opened = time.monotonic()
         return session
 
+    def cancel_all(self) -> int:
+        """Cancel every turn of every session, those that wait, too. Returns how many."""
+        for session in self.open_sessions:
+            session.cancel()
+        return sum(session.unfinished_turns for session in self.open_sessions)
+
     def _forget_idle(self) -> None:
         """Remove sessions that nobody uses from memory; the database has them."""
         long_ago = time.monotonic() - self.idle_s

@@ -22,6 +22,7 @@ from backend.bridge.first_completed import first_completed
 from backend.bridge.login import Authenticator, Login
 from backend.bridge.scene.conflating_queue import send_newest
 from backend.bridge.scene.scene import Scene
+from backend.bridge.scene.ticket import SceneTickets
 from backend.bridge.scene.viewers.viewer_id import invalid_id_response, refuse_invalid_id, viewer_id
 from backend.bridge.scene.viewers.viewers import ControlQueue, Viewer
 from backend.identity import Right
@@ -73,13 +74,13 @@ class ControlSocket:
 class CameraMoved:
     """`POST /scene/<viewer>/moved`: viser's page reports that its viewer has moved the camera."""
 
-    def __init__(self, authenticator: Authenticator, scene: Scene) -> None:
-        self._authenticator = authenticator
+    def __init__(self, tickets: SceneTickets, scene: Scene) -> None:
+        self._tickets = tickets
         self._scene = scene
 
     async def answer(self, request: Request) -> Response:
         """Free this viewer's camera. Raises `LoginError`, `OriginError` or `RegistryError`."""
-        login = self._authenticator.admit(request)
+        login = self._tickets.admit(request)
         identifier = viewer_id(request)
         if identifier is None:
             return invalid_id_response()

@@ -1,8 +1,8 @@
 """`/scene/` and `WS /scene`, or with a viewer's id behind them: viser behind the bridge's login, on the bridge's port.
 
-viser listens on loopback and accepts everybody. Nothing that a browser sends may be passed on to it: its messages can
-change what others see, and one of them opens a tunnel to the internet. So the proxy itself reads what a page reports
-(where its camera stands, and clicks), and answers it.
+viser listens on loopback, for this proxy alone (`viser_port`). Nothing that a browser sends may be passed on to it: its
+messages can change what others see, and one of them opens a tunnel to the internet. So the proxy itself reads what a
+page reports (where its camera stands, and clicks), and answers it.
 """
 
 from __future__ import annotations
@@ -23,10 +23,11 @@ from websockets.typing import Subprotocol
 from backend.bridge.close_codes import CLIENT_LEFT, TRY_AGAIN_LATER, CloseReason
 from backend.bridge.first_completed import first_completed
 from backend.bridge.login import Authenticator, Login
-from backend.bridge.scene import viser_internals
+from backend.bridge.scene import viser_internals, viser_port
 from backend.bridge.scene.conflating_queue import NOT_READING, SEND_SECONDS, send_newest
 from backend.bridge.scene.drawing.camera_views import View
 from backend.bridge.scene.scene import Scene, SceneUnavailableError
+from backend.bridge.scene.ticket import SceneTickets
 from backend.bridge.scene.viewers.viewer_camera import CameraReport
 from backend.bridge.scene.viewers.viewer_id import invalid_id_response, refuse_invalid_id, viewer_id
 from backend.bridge.scene.viewers.viewers import PageQueue, Viewer
@@ -38,41 +39,47 @@ log = logging.getLogger(__name__)
 
 
 class ScenePage:
-    """viser's page. It is fetched from viser once and kept."""
+    """viser's page. It is fetched from viser once and kept; each viewer's has a ticket in it."""
 
-    def __init__(self, authenticator: Authenticator, scene: Scene) -> None:
+    def __init__(self, authenticator: Authenticator, scene: Scene, tickets: SceneTickets) -> None:
         self._authenticator = authenticator
         self._scene = scene
+        self._tickets = tickets
         self._page: str | None = None
-        self._etag = ""
+        self._version = ""  # of the page, set with it
 
     async def answer(self, request: Request) -> Response:
         """`GET /scene/` and `GET /scene/<viewer>/`, the same page. Raises `LoginError` or `RegistryError`."""
-        self._authenticator.authenticate(request)
-        if "viewer" in request.path_params and viewer_id(request) is None:
+        who = self._authenticator.authenticate(request).identity
+        viewer = viewer_id(request) if "viewer" in request.path_params else ""
+        if viewer is None:
             return invalid_id_response()
         try:
-            text = self._page or await self._fetch()
+            page = self._page or await self._fetch()
         except SceneUnavailableError as error:
             return JSONResponse({"error": str(error)}, status_code=503)
+        ticket = self._tickets.make(who, viewer)
+        etag = f'"{hashlib.sha256((self._version + ticket).encode()).hexdigest()[:32]}"'
+        text = page.replace(viser_internals.TICKET, ticket, 1)
         headers = {
             "Content-Security-Policy": viser_internals.CONTENT_SECURITY_POLICY,
             "Cache-Control": "private, no-cache",
-            "ETag": self._etag,
+            "ETag": etag,
         }
-        if request.headers.get("if-none-match") == self._etag:
+        if request.headers.get("if-none-match") == etag:
             return Response(status_code=304, headers=headers)
         return HTMLResponse(text, headers=headers)
 
     async def _fetch(self) -> str:
         try:
             async with asyncio.timeout(_START_SECONDS), httpx.AsyncClient(trust_env=False) as client:
-                answer = await client.get(f"http://127.0.0.1:{await self._scene.port()}/")
+                address = f"http://127.0.0.1:{await self._scene.port()}/"
+                answer = await client.get(address, headers=viser_port.SECRET_HEADERS)
                 answer.raise_for_status()
         except (httpx.HTTPError, TimeoutError):
             raise SceneUnavailableError("The scene is not ready. Try again in a moment.") from None
         self._page = viser_internals.patched_page(answer.text)
-        self._etag = f'"{hashlib.sha256(self._page.encode()).hexdigest()[:32]}"'
+        self._version = hashlib.sha256(self._page.encode()).hexdigest()
         return self._page
 
 
@@ -114,6 +121,7 @@ class SceneSocket:
             async with connect(
                 f"ws://127.0.0.1:{port}/",
                 subprotocols=offered or None,
+                additional_headers=viser_port.SECRET_HEADERS,
                 compression=None,
                 proxy=None,
                 max_size=None,

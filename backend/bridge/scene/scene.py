@@ -17,6 +17,7 @@ from backend.bridge.scene.conflating_queue import ConflatingQueue
 from backend.bridge.scene.telemetry_feed import TelemetryFeed
 from backend.bridge.scene.viewers.viewers import Viewers
 from backend.bridge.scene.viser_starter import ViserStarter
+from backend.robot_server import RobotServerClient
 
 if TYPE_CHECKING:
     from backend.bridge.scene.drawing.scene_graph import SceneGraph
@@ -46,8 +47,7 @@ class Scene:
     def __init__(
         self,
         robot_name: str,
-        telemetry_url: str,
-        secret: bytes,
+        robot: RobotServerClient,
         *,
         starter: ViserStarter | None = None,
         limits: RestartLimits | None = None,
@@ -55,7 +55,7 @@ class Scene:
         self.viewers = Viewers()
         self._starter = starter or ViserStarter(robot_name)
         self._limits = limits or RestartLimits()
-        self._feed = TelemetryFeed(telemetry_url, secret, self._on_message, self._on_disconnect)
+        self._feed = TelemetryFeed(robot, self._on_message, self._on_disconnect)
         self._graph: SceneGraph | None = None  # set once viser runs
         self._started = asyncio.Event()  # set once viser runs, or has failed to start
         self._watching = 0  # how many pages show the scene

@@ -11,11 +11,12 @@ import random
 from collections.abc import Awaitable, Callable
 
 import msgspec
-from websockets.asyncio.client import ClientConnection, connect
+from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import WebSocketException
 
 from backend import telemetry
 from backend.bridge.first_completed import first_completed
+from backend.robot_server import RobotServerClient
 
 _WATCHED_RATE = 20.0
 _CAMERA_RATE = 5.0
@@ -24,23 +25,20 @@ _UNWATCHED_RATE = 2.0
 _FIRST_DELAY = 0.25
 _LONGEST_DELAY = 5.0
 """s between attempts to connect."""
-_MAX_MESSAGE_BYTES = 64 * 1024 * 1024
 
 log = logging.getLogger(__name__)
 
 
 class TelemetryFeed:
-    """Reads the stream at `url`. Calls `on_message` for each message, and `on_disconnect` when the robot is lost."""
+    """Reads the robot's stream. Calls `on_message` for each message, and `on_disconnect` when the robot is lost."""
 
     def __init__(
         self,
-        url: str,
-        secret: bytes,
+        robot: RobotServerClient,
         on_message: Callable[[telemetry.AnyMessage], Awaitable[None]],
         on_disconnect: Callable[[], None],
     ) -> None:
-        self._url = url
-        self._headers = {"Authorization": f"Bearer {secret.decode()}"}
+        self._robot = robot
         self._on_message = on_message
         self._on_disconnect = on_disconnect
         self._subscription = _subscription(scene=False, camera=False)
@@ -54,19 +52,14 @@ class TelemetryFeed:
             self._changed.set()
 
     async def run(self) -> None:
-        """Keep the subscription until cancelled."""
+        """Keep the subscription until cancelled. A robot without a stream counts as not connected."""
+        if not self._robot.has_paths:
+            self._on_disconnect()
+            await asyncio.Event().wait()
         delay, last_error = _FIRST_DELAY, ""
         while True:
             try:
-                async with connect(
-                    self._url,
-                    additional_headers=self._headers,
-                    compression=None,
-                    proxy=None,
-                    max_size=_MAX_MESSAGE_BYTES,
-                    ping_interval=5,
-                    ping_timeout=5,
-                ) as stream:
+                async with self._robot.telemetry() as stream:
                     log.info("scene: the robot's telemetry is connected")
                     delay, last_error = _FIRST_DELAY, ""
                     await first_completed(self._read(stream), self._subscribe(stream))

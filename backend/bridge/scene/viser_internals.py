@@ -10,6 +10,7 @@ when viser changes what the item rests on:
 | `silenced` | viser prints its start and its end to standard output |
 | `decode`, `camera_frame`, `click_frame` | the proxy answers a page itself: nothing of a browser may reach viser |
 | `_STAY_CONNECTED` | viser's page connects again only while it has the focus, which an embedded page rarely has |
+| `_BRING_TICKET`, `_FROM_OUTER_PAGE`, `_START_WORKERS` | a page in a sandbox lacks cookies and more |
 | `_HIDE_PANEL`, `_SHOW_DISCONNECTION` | viser's panel does not belong to the picture, but knows the connection |
 | `_REPORT_CAMERA_MOVES` | viser does not report whether a person or the server moved a page's camera |
 | `_PACE_FRAMES` | viser draws as often as it can, which starves a computer without a graphics chip |
@@ -178,6 +179,8 @@ def _are_finite(*values: float) -> bool:
 
 CONTENT_SECURITY_POLICY = "; ".join(
     [
+        # viser's page is foreign code: without an origin it reaches neither the page around it nor its login.
+        "sandbox allow-scripts",
         "default-src 'none'",
         # The page is one file that unpacks itself: inline scripts, workers from blobs, a decoder in WebAssembly.
         "script-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:",
@@ -205,16 +208,48 @@ _HIDE_PANEL = """<style>
 </style>
 """
 
-_SHOW_DISCONNECTION = """<script>
-  // The notice is in the language of the page around the scene, also when that language changes.
-  const outerPage = parent === window ? null : parent.document.documentElement;
+_FROM_OUTER_PAGE = """<script>
+  // The page around the scene says which language it has, and whether the scene is covered: a sandboxed page cannot see
+  // it. Without a page around it, the browser's language counts.
+  const outerPage = { lang: navigator.language, covered: false };
   const setLanguage = () => {
-    document.documentElement.lang = /^es\\b/.test(outerPage?.lang || navigator.language) ? "es" : "en";
+    document.documentElement.lang = /^es\\b/.test(outerPage.lang) ? "es" : "en";
   };
   setLanguage();
-  if (outerPage) new MutationObserver(setLanguage).observe(outerPage, { attributeFilter: ["lang"] });
+  addEventListener("message", ({ source, data }) => {
+    if (source !== parent || data?.type !== "scene-frame") return;
+    outerPage.lang = String(data.lang || navigator.language);
+    outerPage.covered = data.covered === true;
+    setLanguage();
+  });
 </script>
-<style>
+"""
+
+TICKET = "the-ticket-of-this-viewer"
+"""Stands in the page where the ticket of a viewer belongs."""
+
+_START_WORKERS = """<script>
+  // In a sandbox, the browser starts no module from a blob, and reports that too late for viser. Reported at once, it
+  // makes viser start its workers from a data address instead, which works.
+  window.Worker = class extends window.Worker {
+    constructor(address, options) {
+      if (options?.type === "module" && /^blob:/.test(address)) throw new Error("no module from a blob here");
+      super(address, options);
+    }
+  };
+</script>
+"""
+
+_BRING_TICKET = """<script>
+  // A sandboxed page has no cookies: a ticket opens its WebSocket and reports that a person has moved the camera.
+  // viser's page reads the address of its WebSocket from the query.
+  const sceneTicket = "the-ticket-of-this-viewer";
+  const sceneSocket = location.href.split("?")[0].replace(/^http/, "ws").replace(/[/]$/, "");
+  history.replaceState(null, "", "?websocket=" + encodeURIComponent(`${sceneSocket}?ticket=${sceneTicket}`));
+</script>
+"""
+
+_SHOW_DISCONNECTION = """<style>
   /* Nobody may take an old picture for a live one. The hidden panel shows this check mark while it is connected. */
   body:not(:has(.tabler-icon-cloud-check))::after {
     content: "The map is not connected. Trying again …";
@@ -239,7 +274,7 @@ _REPORT_CAMERA_MOVES = """<script>
     const report = () => {
       if (performance.now() - reportedAt < REPORT_EVERY) return;
       reportedAt = performance.now();
-      fetch("moved", { method: "POST" }).catch(() => undefined);
+      fetch(`moved?ticket=${sceneTicket}`, { method: "POST", mode: "no-cors" }).catch(() => undefined);
     };
     const listen = (kind, handler) => addEventListener(kind, handler, { capture: true, passive: true });
     listen("pointerdown", (event) => { pressedAt = event; });
@@ -286,7 +321,7 @@ _PACE_FRAMES = """<script>
       gl = getContext.call(this, kind, drawsInSoftware() ? { ...options, antialias: false } : options);
       return gl;
     };
-    const isCovered = () => window.frameElement?.checkVisibility?.({ visibilityProperty: true }) === false;
+    const isCovered = () => outerPage.covered;
     const deleteFence = () => {
       gl.deleteSync(fence);
       fence = null;
@@ -340,7 +375,18 @@ _PACE_FRAMES = """<script>
 </script>
 """
 
-_HEAD = _STAY_CONNECTED + _SHOW_DISCONNECTION + _REPORT_CAMERA_MOVES + _HIDE_PANEL + _PACE_FRAMES
+_HEAD = "".join(
+    [
+        _STAY_CONNECTED,
+        _FROM_OUTER_PAGE,
+        _START_WORKERS,
+        _BRING_TICKET,
+        _SHOW_DISCONNECTION,
+        _REPORT_CAMERA_MOVES,
+        _HIDE_PANEL,
+        _PACE_FRAMES,
+    ]
+)
 
 
 def patched_page(page: str) -> str:

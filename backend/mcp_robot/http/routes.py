@@ -1,8 +1,8 @@
 """The robot server's HTTP: MCP, telemetry, stop and health, behind one access check.
 
 Routes only; what they do is elsewhere. Stop has to work whatever the request looks like: it is never refused for its
-form and never waits for its body. The name of the person who pressed it is a query parameter, because that arrives with
-the first line of the request.
+form and never waits for its body. The name of the person who pressed it is in the body, or in the query, which arrives
+with the first line of the request: a name that comes with the body is set after the robot has stopped.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from starlette.routing import Route, WebSocketRoute
 
 from backend import __version__
 from backend.mcp_robot.http.access import Access
+from backend.mcp_robot.http.name_in_body import name_in_body
 from backend.mcp_robot.http.telemetry_stream import TelemetryStream
 from backend.mcp_robot.motion.pilot import Pilot
 from backend.mcp_robot.motion.stop import name_of
@@ -33,12 +34,16 @@ def create_app(pilot: Pilot, tools: RobotServer, token: bytes, host: str) -> Sta
         return JSONResponse({"status": "ok", "robot": pilot.robot.name, "version": __version__})
 
     async def stop(request: Request) -> JSONResponse:
-        latched = pilot.stop(name_of(request.query_params.get("by")))
+        by = request.query_params.get("by")
+        is_first = pilot.stopped is None
+        latched = pilot.stop(name_of(by))
+        if is_first and not by:
+            latched = pilot.name_stop(latched, name_of(await name_in_body(request)))
         return JSONResponse({"stopped": {"by": latched.by, "at": latched.at}})
 
     async def release(request: Request) -> JSONResponse:
         try:
-            pilot.release(name_of(request.query_params.get("by")))
+            pilot.release(name_of(request.query_params.get("by") or await name_in_body(request)))
         except OSError:
             sentence = "The stop cannot be released: its file in the data folder cannot be removed."
             return JSONResponse({"error": sentence}, 500)

@@ -45,6 +45,11 @@ class TelemetryStream:
         self._camera = CameraFeed(pilot, self._changed)
         pilot.on_change = self._changed
 
+    def _hello(self) -> Hello:
+        has_camera = self._pilot.robot.capabilities.camera
+        channels: list[str] = [channel for channel in CHANNELS if channel != "camera" or has_camera]
+        return Hello(telemetry.VERSION, self._pilot.robot.name, channels)
+
     def _changed(self) -> None:
         for reader in self._readers:
             reader.wake.set()
@@ -65,9 +70,7 @@ class TelemetryStream:
         reader = _Reader(self._pilot, self._encoded_map, self._camera, websocket.send_bytes)
         self._readers.add(reader)
         with contextlib.suppress(WebSocketDisconnect, msgspec.MsgspecError):
-            await websocket.send_bytes(
-                telemetry.encode(Hello(telemetry.VERSION, self._pilot.robot.name, list(CHANNELS)))
-            )
+            await websocket.send_bytes(telemetry.encode(self._hello()))
             try:
                 async with asyncio.TaskGroup() as group:
                     sending = group.create_task(reader.run())
@@ -109,7 +112,8 @@ class _Reader:
 
     def subscribe(self, asked: Subscribe) -> None:
         """Replace the channels and the rate that this reader wants."""
-        self._channels = frozenset(asked.channels)
+        has_camera = self._pilot.robot.capabilities.camera
+        self._channels = frozenset(asked.channels) - (frozenset() if has_camera else {"camera"})
         (self._camera.watch if "camera" in self._channels else self._camera.unwatch)(self)
         rate = MIN_RATE if math.isnan(asked.rate) else asked.rate
         self._interval = 1.0 / min(max(rate, MIN_RATE), MAX_RATE)

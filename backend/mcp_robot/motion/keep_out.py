@@ -16,6 +16,7 @@ from backend.mcp_robot.navigation.grid import FREE, KEEP_OUT, Floats, OccupancyG
 from backend.telemetry import Zone
 
 Points = Floats
+Point = tuple[float, float]
 
 
 def distances(zones: Sequence[Zone], points: Points) -> Floats:
@@ -85,8 +86,30 @@ def _touched(grid: OccupancyGrid, zone: Zone) -> npt.NDArray[np.bool_]:
     centres = origin + (np.stack([columns.ravel(), rows.ravel()], axis=1) + 0.5) * grid.resolution
     touched[low[1] : high[1], low[0] : high[0]] = _inside(corners, centres).reshape(rows.shape)
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        line = sample((start[0], start[1]), (end[0], end[1]), grid.resolution / 4)
+        on_map = _on_map(grid, start, end)
+        if on_map is None:
+            continue
+        line = sample(*on_map, grid.resolution / 4)
         column, row = np.floor((line - origin) / grid.resolution).astype(np.intp).T
-        on_map = (column >= 0) & (column < grid.width) & (row >= 0) & (row < grid.height)
-        touched[row[on_map], column[on_map]] = True
+        inside = (column >= 0) & (column < grid.width) & (row >= 0) & (row < grid.height)
+        touched[row[inside], column[inside]] = True
     return touched
+
+
+def _on_map(grid: OccupancyGrid, start: Points, end: Points) -> tuple[Point, Point] | None:
+    """The part of a side that lies on the map or beside it, so that no side has more points than the map has cells;
+    None for a side that lies off the map (Liang and Barsky 1984)."""
+    low = np.array([grid.origin_x, grid.origin_y]) - grid.resolution
+    high = low + np.array([grid.width + 2, grid.height + 2]) * grid.resolution
+    first, last = 0.0, 1.0
+    for begin, way, least, most in zip(start, end - start, low, high, strict=True):
+        if way == 0.0:
+            if not least <= begin <= most:
+                return None
+            continue
+        crossings = sorted(((least - begin) / way, (most - begin) / way))
+        first, last = max(first, crossings[0]), min(last, crossings[1])
+    if first > last:
+        return None
+    (x0, y0), (x1, y1) = start + first * (end - start), start + last * (end - start)
+    return (float(x0), float(y0)), (float(x1), float(y1))

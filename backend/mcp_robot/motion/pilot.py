@@ -131,7 +131,7 @@ class Pilot:
 
     async def plan(self, goal: Pose, *, final_yaw: bool, preview: PathPreview | None = None) -> Route:
         """Compute the path to a goal; with a `preview`, show it in telemetry. Moves nothing. Raises `Refusal`."""
-        safety.finite(x=goal.x, y=goal.y, yaw=goal.yaw)
+        safety.goal_is_ordinary(goal)
         if preview is None:
             return await self._plan(goal, final_yaw)
         if preview.rehearsal:
@@ -168,7 +168,7 @@ class Pilot:
 
     async def navigate(self, goal: Pose, *, final_yaw: bool, place: Place | None = None) -> tuple[Route, Leg]:
         """Drive to a goal; returns on arrival. Raises `Refusal`. Cancelling the caller's task brakes."""
-        safety.finite(x=goal.x, y=goal.y, yaw=goal.yaw)
+        safety.goal_is_ordinary(goal)
         with self._motion(_Intent("navigate", goal, place.name if place else None), goal) as brakings:
             route = await self._plan(goal, final_yaw)
             self._not_braked_since(brakings)
@@ -191,6 +191,7 @@ class Pilot:
     async def speak(self, text: str) -> Sound:
         """Say a text aloud; returns when it is said. Raises `Refusal`. Cancelling the caller's task ends the speech."""
         safety.not_stopped(self.stopped)
+        safety.has_voice(self.robot.capabilities)
         safety.speech_fits(text, self.limits)
         safety.idle("speaking already" if self.speaking else None)
         self._speeches.take(self.robot.clock())
@@ -211,6 +212,7 @@ class Pilot:
 
     async def photo(self) -> Picture:
         """A picture from the camera, taken now. Raises `Refusal` (no_camera)."""
+        safety.has_camera(self.robot.capabilities)
         return await self.robot.photo()
 
     def brake(self) -> None:
@@ -226,6 +228,13 @@ class Pilot:
         stop = self._latch.set(by, time.time())
         logger.warning("Stop by %s (latched by %s).", by, stop.by)
         return stop
+
+    def name_stop(self, stop: Stop, by: str) -> Stop:
+        """Name the person who set `stop`, if it is latched still and has no name; returns what is latched."""
+        named = self._latch.name(stop, by)
+        if named is not stop:
+            logger.warning("It was %s who stopped.", named.by)
+        return named
 
     @staticmethod
     def _do_for_sure(act: Callable[[], None]) -> None:

@@ -14,10 +14,10 @@ import numpy as np
 
 from backend.config import Limits
 from backend.mcp_robot.motion import keep_out
-from backend.mcp_robot.navigation.grid import FREE, OCCUPIED, Floats, OccupancyGrid
+from backend.mcp_robot.navigation.grid import FARTHEST, FREE, OCCUPIED, Floats, OccupancyGrid
 from backend.mcp_robot.navigation.named_places import at_dock
 from backend.mcp_robot.refusal import Refusal
-from backend.mcp_robot.robot import TopologicalMap
+from backend.mcp_robot.robot import Capabilities, TopologicalMap
 from backend.telemetry import Battery, Pose, Stop, Zone
 
 GOAL_MARGIN = 0.05
@@ -26,8 +26,8 @@ PATH_MARGIN = 0.05
 """How much nearer (m) to a wall than its footprint a planned path may pass: about what a map's cells leave open."""
 PATH_STEP = 0.05
 """Metres between the points of a path that are checked."""
-FARTHEST = 1e6
-"""Metres from the origin beyond which a point of a path cannot be right."""
+LONGEST = 20_000.0
+"""Metres beyond which the length of a path cannot be right."""
 LET_OUT = 0.6
 """For the first so many m a path may be as near to a wall as the robot already stands."""
 MAX_TURN_DEGREES = 3600.0
@@ -38,6 +38,16 @@ def finite(**numbers: float | None) -> None:
     for name, value in numbers.items():
         if value is not None and not math.isfinite(value):
             raise Refusal("not_finite", f"{name} must be an ordinary number, not {value}.")
+
+
+def goal_is_ordinary(goal: Pose) -> None:
+    """The goal's numbers are finite, and small enough to compute with: no farther than FARTHEST, at most ten turns."""
+    finite(x=goal.x, y=goal.y, yaw=goal.yaw)
+    if max(abs(goal.x), abs(goal.y)) > FARTHEST:
+        raise Refusal("outside_map", f"The goal ({goal.x:g}, {goal.y:g}) is outside every map. Coordinates are in m.")
+    most = math.radians(MAX_TURN_DEGREES)
+    if abs(goal.yaw) > most:
+        raise Refusal("bad_arguments", f"A yaw is in rad, from {-most:.1f} to {most:.1f}, not {goal.yaw:g}.")
 
 
 def not_stopped(stop: Stop | None) -> None:
@@ -57,7 +67,7 @@ def goal_is_free(grid: OccupancyGrid, goal: Pose, footprint_radius: float) -> No
     where = f"({goal.x:.1f}, {goal.y:.1f})"
     state = grid.state(goal.x, goal.y)
     if state is None:
-        raise Refusal("outside_map", f"The goal {where} is outside the map ({_extent(grid)}).")
+        raise Refusal("outside_map", f"The goal {where} is outside the map ({grid.extent}).")
     needed = footprint_radius + GOAL_MARGIN
     if grid.clearance(goal.x, goal.y) >= needed:
         return
@@ -69,6 +79,22 @@ def goal_is_free(grid: OccupancyGrid, goal: Pose, footprint_radius: float) -> No
     raise Refusal(
         "occupied", f"The goal {where} is too close to a wall: the robot needs {needed:.2f} m around it. {advice}"
     )
+
+
+def misplaced(grid: OccupancyGrid, x: float, y: float, footprint_radius: float) -> str | None:
+    """Why no robot can be sent to a place at this point of the map, as the end of a sentence; None when it can be."""
+    where, needed = f"({x:g}, {y:g})", footprint_radius + GOAL_MARGIN
+    state = grid.state(x, y)
+    if state is None:
+        return (
+            f"{where} is outside the map ({grid.extent}). Look at its position, and at the map's resolution and origin."
+        )
+    if grid.clearance(x, y) >= needed:
+        return None
+    advice = _advice(grid, Pose(x, y, 0.0), needed)
+    if state != FREE:
+        return f"{where} is not on free floor. {advice}"
+    return f"{where} is too close to a wall: the robot needs {needed:.2f} m around it. {advice}"
 
 
 def goal_keeps_out(zones: Sequence[Zone], grid: OccupancyGrid, goal: Pose, footprint_radius: float) -> None:
@@ -87,7 +113,7 @@ def path_is_free(grid: OccupancyGrid, zones: Sequence[Zone], points: Floats, foo
 
     A robot that already stands too near to something may drive out: for the first LET_OUT m it must only get no nearer.
     """
-    if not np.isfinite(points).all() or np.abs(points).max(initial=0.0) > FARTHEST:
+    if not len(points) or not np.isfinite(points).all() or np.abs(points).max() > FARTHEST or _length(points) > LONGEST:
         raise Refusal("not_finite", "The way that was planned has points that are no places. Choose another goal.")
     points, way = _dense(points)
     first = way <= LET_OUT
@@ -108,17 +134,15 @@ def path_is_free(grid: OccupancyGrid, zones: Sequence[Zone], points: Floats, foo
         raise Refusal("keep_out", f"The way leads through the keep-out zone {name} at ({x:.1f}, {y:.1f}).")
 
 
+def _length(points: Floats) -> float:
+    return float(np.hypot(*np.diff(points, axis=0).T).sum())
+
+
 def _dense(points: Floats) -> tuple[Floats, Floats]:
     """The same path with points at most PATH_STEP apart, shape (n, 2), and the distance of each along it, in m."""
     way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     along = np.union1d(way, np.arange(0.0, way[-1], PATH_STEP))
     return np.stack([np.interp(along, way, points[:, 0]), np.interp(along, way, points[:, 1])], axis=1), along
-
-
-def _extent(grid: OccupancyGrid) -> str:
-    x0, y0 = grid.origin_x, grid.origin_y
-    x1, y1 = x0 + grid.width * grid.resolution, y0 + grid.height * grid.resolution
-    return f"x from {x0:.1f} to {x1:.1f}, y from {y0:.1f} to {y1:.1f}"
 
 
 def _advice(grid: OccupancyGrid, goal: Pose, needed: float, zones: Sequence[Zone] = (), reach: float = 2.0) -> str:
@@ -154,17 +178,31 @@ def where_to_charge(places: TopologicalMap) -> str:
 def turn_fits(degrees: float) -> None:
     """Not more than ten full turns in one motion."""
     if abs(degrees) > MAX_TURN_DEGREES:
-        raise Refusal("too_long", f"A turn of {degrees:.0f}° is more than {MAX_TURN_DEGREES:.0f}° at once.")
+        raise Refusal("too_long", f"A turn of {degrees:g}° is more than {MAX_TURN_DEGREES:.0f}° at once.")
+
+
+def has_camera(capabilities: Capabilities) -> None:
+    """The robot has a camera."""
+    if not capabilities.camera:
+        raise Refusal("no_camera", "This robot has no camera.")
+
+
+def has_voice(capabilities: Capabilities) -> None:
+    """The robot has a voice."""
+    if not capabilities.voice:
+        raise Refusal("no_voice", "This robot has no voice.")
 
 
 def speech_fits(text: str, limits: Limits) -> None:
-    """The text is not empty and not too long."""
+    """The text is not empty, not too long, and can be written down."""
     if not text.strip():
         raise Refusal("empty", "There is nothing to say in an empty text.")
     if len(text) > limits.max_speech_chars:
         raise Refusal(
             "too_long", f"The text has {len(text)} characters; {limits.max_speech_chars} are the most at once."
         )
+    if any("\ud800" <= character <= "\udfff" for character in text):
+        raise Refusal("bad_arguments", "The text has halves of characters (lone surrogates). Send whole ones.")
 
 
 class Rate:

@@ -16,6 +16,8 @@ from backend.telemetry import Stop
 
 FILE = "stop.json"
 MAX_NAME = 80
+NOBODY = "someone"
+"""The name in a stop that came without one."""
 
 logger = logging.getLogger(__name__)
 
@@ -43,6 +45,16 @@ class StopLatch:
             self._write(self.stop)
         return self.stop
 
+    def name(self, stop: Stop, by: str) -> Stop:
+        """Name the person who set `stop`, if nobody is named yet and it has not been released; returns the stop with
+        its name."""
+        if stop.by == NOBODY and by != NOBODY:
+            stop = Stop(by, stop.at)
+            if self.stop is not None and (self.stop.by, self.stop.at) == (NOBODY, stop.at):
+                self.stop = stop
+                self._write(stop)
+        return stop
+
     def release(self) -> None:
         """Release the latch. Raises `OSError`, and stays set, when its file cannot be removed, which a restart would
         find."""
@@ -66,4 +78,4 @@ class StopLatch:
 def name_of(by: str | None) -> str:
     """The name of the person who pressed, as one printable line. A stop without a usable name is still a stop."""
     name = " ".join(by.split())[:MAX_NAME] if by else ""
-    return "".join(c for c in name if c.isprintable()) or "someone"
+    return "".join(c for c in name if c.isprintable()) or NOBODY

@@ -22,6 +22,12 @@ UNKNOWN = 255
 CLEARANCE_CAP = 3.0
 """Distances are exact up to so many metres, and never reported larger."""
 
+MAX_CELLS = 64_000_000
+FINEST, COARSEST = 0.005, 5.0
+"""Metres a cell. Distances are found by trying all cells around: of finer ones that would take minutes."""
+FARTHEST = 1e6
+"""Metres from the map frame's origin beyond which nothing can be."""
+
 Floats = npt.NDArray[np.float64]
 Floats32 = npt.NDArray[np.float32]
 Real = TypeVar("Real", np.float32, np.float64)
@@ -47,12 +53,19 @@ class OccupancyGrid:
         """Columns."""
         return int(self.cells.shape[1])
 
+    @property
+    def extent(self) -> str:
+        """The map's sides in the map frame, for people."""
+        x0, y0 = self.origin_x, self.origin_y
+        x1, y1 = x0 + self.width * self.resolution, y0 + self.height * self.resolution
+        return f"x from {x0:.1f} to {x1:.1f}, y from {y0:.1f} to {y1:.1f}"
+
     def cell(self, x: float, y: float) -> tuple[int, int] | None:
         """Row and column of the cell that holds the point, None outside the map."""
-        column = int((x - self.origin_x) // self.resolution)
-        row = int((y - self.origin_y) // self.resolution)
-        if 0 <= row < self.height and 0 <= column < self.width:
-            return row, column
+        column = (x - self.origin_x) // self.resolution
+        row = (y - self.origin_y) // self.resolution
+        if 0 <= row < self.height and 0 <= column < self.width:  # before `int`, which infinity and NaN do not have
+            return int(row), int(column)
         return None
 
     def state(self, x: float, y: float) -> int | None:
@@ -72,9 +85,9 @@ class OccupancyGrid:
         """Metres of free space around a point, never too large: 0 or less in a wall or outside the map."""
         u = (x - self.origin_x) / self.resolution - 0.5
         v = (y - self.origin_y) / self.resolution - 0.5
-        column, row = int(u // 1), int(v // 1)
-        if not (0 <= column < self.width - 1 and 0 <= row < self.height - 1):
+        if not (0 <= u < self.width - 1 and 0 <= v < self.height - 1):
             return 0.0
+        column, row = int(u), int(v)
         a, b = u - column, v - row
         item = self.distance.item
         low = item(row, column) * (1 - a) + item(row, column + 1) * a

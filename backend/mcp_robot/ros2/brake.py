@@ -38,7 +38,8 @@ UNKNOWN_GOAL = CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
 
 
 class Brake:
-    """To be made on the ROS thread; `halt`, `hold` and `let_go` may be called from any thread."""
+    """To be made before the ROS thread runs. Its methods are called from the event loop, and hand each change over to
+    the ROS thread: two threads that both write would lose a halt."""
 
     def __init__(
         self,
@@ -56,10 +57,14 @@ class Brake:
         self._settings = settings
         self._robot_clock = clock
         self._moves = moves
+        # These belong to the event loop:
+        self._halts = 0  # how often `halt` was called
+        self._handed: Future[None] | None = None  # the change that was handed over to the ROS thread last
+        # All others belong to the ROS thread, which alone writes them:
+        self._begun = 0  # halts that it has begun
         self._held = False  # set by `hold`
         self._until = 0.0  # monotonic time until which zero velocity is sent in any case
         self._settling = False  # from a halt until the robot stands
-        self._ordered: Future[None] | None = None  # the latest halt's order to cancel all goals, until it is sent
         self._cancelled_at = 0.0  # monotonic time at which all goals were cancelled last
         self._goals: tuple[Goal, ...] = ()  # our motions whose end is not known
         self._unfinished_since: float | None = None  # monotonic time since when a halted motion has not ended
@@ -73,21 +78,40 @@ class Brake:
 
     def watch(self, goal: Goal) -> None:
         """Know a motion that is about to begin, so that a halt is repeated until it has ended."""
-        self._goals = (*(each for each in self._goals if each.unfinished), goal)
+        self._hand_over(lambda: self._take(goal))
 
     def halt(self) -> None:
         """Cancel the goals of all clients and send zero velocity until the robot is at rest. Returns at once."""
-        self._until, self._settling = time.monotonic() + PULSE, True
-        self._ordered = self._ros.submit(self._cancel_all)  # first: a publisher that fails must not prevent it
+        self._halts += 1
+        self._hand_over(self._begin)  # first: a publisher that fails must not prevent it
         self._publish()
 
     def hold(self, held: bool) -> None:
         """While `held`, go on cancelling and sending zero velocity."""
-        self._held = held
+        self._hand_over(lambda: self._set_held(held))
         if held:
             self.halt()
-        else:
+
+    def _hand_over(self, change: Callable[[], None]) -> None:
+        """Let the ROS thread make a change. It makes them in the order in which they were handed over."""
+        self._handed = self._ros.submit(change)
+
+    def _take(self, goal: Goal) -> None:
+        self._goals = (*(each for each in self._goals if each.unfinished), goal)
+
+    def _begin(self) -> None:
+        self._begun += 1
+        self._until, self._settling = time.monotonic() + PULSE, True
+        self._cancel_all()
+
+    def _set_held(self, held: bool) -> None:
+        self._held = held
+        if not held:
             self._until = 0.0
+
+    def _end(self, halts: int) -> None:
+        if self._begun == halts:  # else another halt has begun since
+            self._until, self._settling = 0.0, False
 
     def reaches(self, action: str) -> bool:
         """Whether the server of this action has answered a cancel, so that requests and answers arrive.
@@ -100,18 +124,23 @@ class Brake:
     async def let_go(self) -> None:
         """End the braking for a halt that is over, once all cancels are answered: the next motion may begin.
 
-        Raises `Refusal` (timeout) when the motion that was halted has not ended.
+        A halt that comes meanwhile stays. Raises `Refusal` (timeout) when the motion that was halted has not ended.
         """
+        halts = self._halts
         await until(self._is_quiet, self._patience, every=0.01)
         if unfinished := self._unfinished:
             sentence = f"{unfinished[0].name} does not end the motion that was halted. Look at its log, or restart it."
             raise Refusal("timeout", sentence)
-        self._until, self._settling = 0.0, False
+        try:
+            await self._ros.run(lambda: self._end(halts))
+        except TimeoutError:
+            sentence = "The robot server's own ROS node does not answer. Restart the robot server."
+            raise Refusal("timeout", sentence) from None
 
     def _is_quiet(self) -> bool:
         """Whether nothing is left of a halt that could end the next motion."""
-        asked = self._ordered is None or self._ordered.done()
-        return asked and not self._unfinished and not any(each.waiting for each in self._cancels)
+        made = self._handed is None or self._handed.done()
+        return made and not self._unfinished and not any(each.waiting for each in self._cancels)
 
     @property
     def _unfinished(self) -> list[Goal]:

@@ -11,9 +11,19 @@ import math
 from typing import Any
 
 import numpy as np
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
-from backend.mcp_robot.navigation.grid import FREE, OCCUPIED, UNKNOWN, Floats, OccupancyGrid
+from backend.mcp_robot.navigation.grid import (
+    COARSEST,
+    FARTHEST,
+    FINEST,
+    FREE,
+    MAX_CELLS,
+    OCCUPIED,
+    UNKNOWN,
+    Floats,
+    OccupancyGrid,
+)
 from backend.telemetry import Battery, Pose, Scan, Twist
 
 FREE_BELOW, OCCUPIED_FROM = 20, 65
@@ -21,7 +31,7 @@ FREE_BELOW, OCCUPIED_FROM = 20, 65
 STANDSTILL = 0.003
 """A speed below this (m/s, rad/s) is taken for the noise of an encoder."""
 CHARGING, FULL = 1, 4  # sensor_msgs/BatteryState
-MAX_CELLS = 64_000_000
+MAX_PIXELS, MAX_PICTURE_BYTES = 50_000_000, 10_000_000
 JPEG_QUALITY = 86
 
 
@@ -85,17 +95,18 @@ def grid(message: Any) -> OccupancyGrid:
     info = message.info
     if not 0 < info.width * info.height <= MAX_CELLS or len(message.data) != info.width * info.height:
         raise ValueError(f"a map of {info.width} x {info.height} cells with {len(message.data)} values")
-    if not info.resolution > 0 or abs(math.remainder(yaw(info.origin.orientation), math.tau)) > 1e-6:
-        raise ValueError("a map without resolution, or one whose origin is turned")
+    # Resolution comes as a 32 bit float: 0.05 would be 0.05000000075, and a large map would grow by it.
+    resolution, origin = round(float(info.resolution), 6), pose(info.origin)
+    if not FINEST <= resolution <= COARSEST:
+        raise ValueError(f"a map of {resolution:g} m a cell, which is not from {FINEST:g} to {COARSEST:g}")
+    if abs(origin.yaw) > 1e-6 or max(abs(origin.x), abs(origin.y)) > FARTHEST:
+        raise ValueError("a map whose origin is turned, or no place")
     occupancy = np.frombuffer(message.data, dtype=np.int8).reshape(info.height, info.width)
     cells = np.full(occupancy.shape, UNKNOWN, dtype=np.uint8)
     cells[(occupancy >= 0) & (occupancy < FREE_BELOW)] = FREE
     cells[occupancy >= OCCUPIED_FROM] = OCCUPIED
     cells.flags.writeable = False
-    # Resolution comes as a 32 bit float: 0.05 would be 0.05000000075, and a large map would grow by it.
-    return OccupancyGrid(
-        cells, round(float(info.resolution), 6), float(info.origin.position.x), float(info.origin.position.y)
-    )
+    return OccupancyGrid(cells, resolution, origin.x, origin.y)
 
 
 def scan(message: Any, sensor: Pose | None, robot: Pose) -> Scan:
@@ -142,13 +153,20 @@ def jpeg(message: Any) -> tuple[bytes, int, int]:
     if not hasattr(message, "format"):
         return _encoded(_raw(message))
     data = bytes(message.data)
+    if len(data) > MAX_PICTURE_BYTES:
+        raise ValueError(f"a picture of more than {MAX_PICTURE_BYTES} bytes")
     try:
-        with Image.open(io.BytesIO(data)) as picture:
+        # Only these two: for some formats, Pillow starts other programs.
+        with Image.open(io.BytesIO(data), formats=("JPEG", "PNG")) as picture:
+            if picture.width * picture.height > MAX_PIXELS:
+                raise ValueError(f"a picture of more than {MAX_PIXELS} pixels")
             if picture.format == "JPEG":
                 return data, picture.width, picture.height
             return _encoded(picture.convert("RGB"))
-    except (UnidentifiedImageError, OSError) as error:
-        raise ValueError(f"a picture that cannot be read ({message.format})") from error
+    except ValueError:
+        raise
+    except Exception as error:  # what decoders raise for a damaged picture is not documented
+        raise ValueError(f"a picture that cannot be read ({message.format[:80]})") from error
 
 
 _MODES = {"rgb8": ("RGB", "RGB"), "bgr8": ("RGB", "BGR"), "rgba8": ("RGBA", "RGBA"), "bgra8": ("RGBA", "BGRA")}
@@ -160,6 +178,8 @@ def _raw(message: Any) -> Image.Image:
         known = ", ".join(_MODES)
         raise ValueError(f"pictures of the encoding {message.encoding}; those that can be read are {known}")
     mode, order = _MODES[message.encoding]
+    if message.width * message.height > MAX_PIXELS:
+        raise ValueError(f"a picture of more than {MAX_PIXELS} pixels")
     if message.step < message.width * len(order) or len(message.data) < message.step * message.height:
         raise ValueError("a picture with fewer bytes than its size needs")
     size = (message.width, message.height)

@@ -1,4 +1,4 @@
-"""Nav2's error codes as refusals with a sentence for a person or an LLM. A table and two functions."""
+"""Nav2's error codes as refusals with a sentence for a person or an LLM. A table and three functions."""
 
 from __future__ import annotations
 
@@ -25,6 +25,12 @@ _MEANING: dict[int, tuple[Code, str]] = {
     9002: ("lost", "the transform of the robot was lost. Wait for its localisation, or set its pose anew"),
     9003: ("timeout", "the drive took too long. Look what is in the way, then ask again"),
 }
+
+
+def without_reason(result: Any) -> bool:
+    """Whether an action was aborted without a reason, as Nav2's servers abort a goal when a newer one comes. Humble's
+    results have no error code: there every failure looks like this."""
+    return not int(getattr(result, "error_code", 0))
 
 
 def aborted(name: str, result: Any) -> Refusal:

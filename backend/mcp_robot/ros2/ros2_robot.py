@@ -21,10 +21,11 @@ from rclpy.action import ActionClient
 
 from backend.config import Limits, Ros2
 from backend.mcp_robot import speech
+from backend.mcp_robot.motion import safety
 from backend.mcp_robot.navigation import follower, planner
-from backend.mcp_robot.navigation.grid import FREE, Floats, OccupancyGrid
+from backend.mcp_robot.navigation.grid import Floats, OccupancyGrid
 from backend.mcp_robot.refusal import Halted, Refusal
-from backend.mcp_robot.robot import Fix, Picture, Remaining, Route, Sound, TopologicalMap, Velocity
+from backend.mcp_robot.robot import Capabilities, Fix, Picture, Remaining, Route, Sound, TopologicalMap, Velocity
 from backend.mcp_robot.ros2 import convert, failures
 from backend.mcp_robot.ros2.brake import Brake
 from backend.mcp_robot.ros2.camera import Camera
@@ -37,6 +38,8 @@ from backend.telemetry import Battery, Pose, Scan, Twist, Zone
 
 logger = logging.getLogger(__name__)
 
+PLAN_TRIES = 3
+"""How often a path is asked for whose planning another client ends."""
 PLANNING_MARGIN = 0.05
 """m that a path planned here stays farther from walls than the footprint needs."""
 
@@ -57,6 +60,11 @@ class Ros2Robot:
         self.name = name
         self.footprint_radius = settings.footprint_radius
         self.places = places
+        self.capabilities = Capabilities(
+            camera=bool(settings.image),
+            voice=bool(settings.speech or settings.speech_action),
+            laser=bool(settings.scan),
+        )
         self.on_reroute: Callable[[Floats], None] = lambda _: None  # called with the new way of a drive
         self._settings = settings
         self._waits = waits or Waits()
@@ -67,6 +75,8 @@ class Ros2Robot:
         self._remaining: Remaining | None = None  # what is left of it
         self._starting = True  # until the robot's parts are there
         self._halts = 0  # how often `halt` was called: a motion that was asked for before must not go on after it
+        self._planning = asyncio.Lock()  # held while Nav2's planner works for us
+        self._misplaced: set[str] = set()  # ids of the places of which the log says that they do not fit the map
         self._search: tuple[OccupancyGrid, planner.SearchGrid] | None = None  # for the map that it was made of
         self._join()  # the ROS thread does not run yet
 
@@ -85,6 +95,7 @@ class Ros2Robot:
     def _join(self) -> None:
         node, s = self._ros.node, self._settings
         self._senses = Senses(node, s, self._limits.pose_timeout, self._zones)
+        self._senses.on_grid = self._check_places
         self._camera = Camera(self._ros, s, self._senses)
         self._navigate = ActionClient(node, NavigateToPose, s.navigate)
         self._spin = ActionClient(node, Spin, s.spin)
@@ -111,11 +122,14 @@ class Ros2Robot:
         await self._brake.let_go()
         if absent := self._absent():
             logger.error("Not there yet: %s. `robot-acp doctor` tells more.", ", ".join(absent))
-        if (grid := self._senses.grid) is None:
-            return
+
+    def _check_places(self, grid: OccupancyGrid) -> None:
+        """Log, once for each place, that nobody can drive to it in this map. On the thread that prepares maps."""
         for place in self.places.places:
-            if grid.state(place.pose.x, place.pose.y) != FREE:
-                logger.error("%s is not on free floor of the robot's map: is places.yaml of this map?", place.name)
+            mistake = safety.misplaced(grid, place.pose.x, place.pose.y, self.footprint_radius)
+            if mistake and place.id not in self._misplaced:
+                self._misplaced.add(place.id)
+                logger.error("%s %s Is places.yaml of this map?", place.name, mistake)
 
     def _may_move(self) -> bool:
         """Whether the robot moves, or may move because its nodes have not been discovered yet."""
@@ -180,34 +194,45 @@ class Ros2Robot:
 
     async def plan(self, goal: Pose, *, final_yaw: bool) -> Route:
         """A path to the goal: by Nav2's planner while nothing moves, else by our own planner. Raises `Refusal`."""
+        points = await self._planned_by_nav2(goal)
+        if points is None:
+            points = await self._planned_here(goal)
         start = self._located().pose
-        # Nav2's planner serves one at a time: asking it while it steers a drive would end that drive.
-        client = self._compute_path if self._goal is None else None
-        if client is not None and client.server_is_ready():
-            points = await self._planned_by_nav2(client, start, goal)
-        else:
-            points = await self._planned_here(start, goal)
         track = follower.track(points, goal, final_yaw, self._limits)
         left = follower.remaining(track, 0.0, start, self._limits)
         return Route(tuple((x, y) for x, y in points.tolist()), left.distance, left.seconds, goal, final_yaw)
 
-    async def _planned_by_nav2(self, client: Any, start: Pose, goal: Pose) -> Floats:
-        message = ComputePathToPose.Goal(use_start=False)
-        self._address(message.goal, goal)
+    async def _planned_by_nav2(self, goal: Pose) -> Floats | None:
+        """The path of Nav2's planner, None when a path has to be planned here. Raises `Refusal`.
+
+        That planner serves one goal at a time, and a newer one ends the older without a reason. So our plans wait for
+        each other, one that another client ended is asked for again, and none while the planner steers a drive.
+        """
         name = self._settings.compute_path
-        status, result = await Goal(self._ros, client, name, self._settings.answer_timeout).run(
-            message, silence=self._waits.silence
-        )
-        if status != SUCCEEDED:
-            refusal = failures.aborted(name, result)
-            code = "unreachable" if refusal.code == "nav_failed" else refusal.code
-            raise Refusal(code, refusal.sentence)
-        points = convert.path(result.path)
+        async with self._planning:
+            for _ in range(PLAN_TRIES):
+                client, start = self._compute_path, self._located().pose
+                if client is None or self._goal is not None or not client.server_is_ready():
+                    return None
+                message = ComputePathToPose.Goal(use_start=False)
+                self._address(message.goal, goal)
+                asked = Goal(self._ros, client, name, self._settings.answer_timeout)
+                status, result = await asked.run(message, silence=self._waits.silence)
+                if status == SUCCEEDED:
+                    return self._joined(start, convert.path(result.path), goal)
+                if status != CANCELED and not failures.without_reason(result):
+                    raise failures.aborted(name, result)
+        logger.warning("%s gave up %d times without a reason: the path is planned here.", name, PLAN_TRIES)
+        return None
+
+    def _joined(self, start: Pose, points: Floats, goal: Pose) -> Floats:
+        """Nav2's path, with the robot's pose as its first point. Raises `Refusal` (unreachable) for an empty one."""
         if not len(points):
             raise Refusal("unreachable", f"No path leads to ({goal.x:.1f}, {goal.y:.1f}). Choose another goal.")
         return planner.resample(np.concatenate([[(start.x, start.y)], points]), planner.SPACING)
 
-    async def _planned_here(self, start: Pose, goal: Pose) -> Floats:
+    async def _planned_here(self, goal: Pose) -> Floats:
+        start = self._located().pose
         grid, radius = self.grid, self.footprint_radius + PLANNING_MARGIN
 
         def plan() -> Floats:

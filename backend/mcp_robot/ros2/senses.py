@@ -70,6 +70,7 @@ class Senses:
         self.frames = Frames()
         self.arrivals: dict[str, float] = {}  # setting of a topic -> monotonic time of its latest message
         self.on_plan: Callable[[Floats], None] = lambda _: None  # called on the ROS thread with each new path
+        self.on_grid: Callable[[OccupancyGrid], None] = lambda _: None  # called on the maps' thread with each new map
         self._amcl: Heard | None = None
         self._located: tuple[Heard, Pose | None] | None = None  # last pose in the map, and the odometry then
         self._scan: tuple[Any, float, float] | None = None  # message, robot's time and monotonic time of its arrival
@@ -234,6 +235,7 @@ class Senses:
                 ready = keep_out.applied(grid, self._zones)
                 ready.distance  # noqa: B018  # computed now: otherwise the guard would compute it on the event loop
                 self.grid = ready
+                self.on_grid(ready)
             except Exception:
                 logger.exception("The map cannot be used.")
 

@@ -7,38 +7,42 @@ is written.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, TypeVar
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
-import yaml
-from PIL import Image, UnidentifiedImageError
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, FiniteFloat, model_validator
 
-from backend.mcp_robot.navigation.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from backend.mcp_robot.navigation.grid import COARSEST, FARTHEST, FINEST, FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from backend.mcp_robot.simulator import map_picture, yaml_file
 
-Model = TypeVar("Model", bound=BaseModel)
-
-MAX_CELLS = 64_000_000
 MIDDLE_GREY = 205
 """The shade that map_saver gives to unknown cells."""
 
 
-class WorldError(Exception):
-    """A world that cannot be used; the text names the file and the reason."""
+def _no_flag(value: Any) -> Any:
+    """YAML reads `yes` and `on` as true, which would count as 1."""
+    if isinstance(value, bool):
+        raise ValueError("must be a number, not true or false")
+    return value
+
+
+Number = Annotated[FiniteFloat, BeforeValidator(_no_flag)]
+Coordinate = Annotated[Number, Field(ge=-FARTHEST, le=FARTHEST)]
+"""m in the map frame."""
 
 
 class _MapYaml(BaseModel):
     """The fields that ROS 2's map_server reads."""
 
-    model_config = ConfigDict(extra="allow")
+    model_config = ConfigDict(extra="forbid")
 
-    image: str
-    resolution: Annotated[FiniteFloat, Field(gt=0, le=5)]
-    origin: tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+    image: Annotated[str, Field(min_length=1, max_length=4096)]
+    resolution: Annotated[Number, Field(ge=FINEST, le=COARSEST)]
+    origin: tuple[Coordinate, Coordinate, Coordinate]
     negate: bool = False
-    occupied_thresh: Annotated[float, Field(gt=0, le=1)] = 0.65
-    free_thresh: Annotated[float, Field(ge=0, lt=1)] = 0.196
+    occupied_thresh: Annotated[Number, Field(gt=0, le=1)] = 0.65
+    free_thresh: Annotated[Number, Field(ge=0, lt=1)] = 0.196
     mode: Literal["trinary", "scale", "raw"] = "trinary"
 
     @model_validator(mode="after")
@@ -52,18 +56,12 @@ class _MapYaml(BaseModel):
 
 def load(file: Path) -> tuple[OccupancyGrid, npt.NDArray[np.uint8]]:
     """The grid, and the picture's shades in its shape (row 0 at the bottom, dark is occupied). Raises `WorldError`."""
-    meta = read(file, _MapYaml)
-    picture = file.parent / meta.image
-    try:
-        with Image.open(picture) as image:
-            if image.width * image.height > MAX_CELLS:
-                raise WorldError(f"{picture}: {image.width} x {image.height} is more than {MAX_CELLS} cells.")
-            pixels = np.asarray(image.convert("LA"), dtype=np.uint8)[::-1]
-    except (OSError, UnidentifiedImageError) as error:
-        raise WorldError(f"{picture} cannot be read as a picture: {error}") from None
-    values, alpha = pixels[:, :, 0], pixels[:, :, 1]
-    cells = _trinary(meta, values, alpha)
-    shades = 255 - values if meta.negate else values.copy()
+    meta = yaml_file.read(file, _MapYaml)
+    picture = map_picture.read(file.parent / meta.image)
+    cells = _states(meta, picture.white)[picture.levels]
+    if picture.opaque is not None and meta.mode != "raw":  # in `trinary`, map_server averages alpha with the colours
+        cells[~picture.opaque] = UNKNOWN
+    shades = _shades(meta, picture.white)[picture.levels]
     # The camera has to show walls exactly where the robot must not drive, whatever the thresholds are.
     shades[(cells == OCCUPIED) & (shades >= MIDDLE_GREY)] = 0
     shades[(cells == FREE) & (shades <= MIDDLE_GREY)] = 254
@@ -72,30 +70,26 @@ def load(file: Path) -> tuple[OccupancyGrid, npt.NDArray[np.uint8]]:
     return OccupancyGrid(cells, meta.resolution, meta.origin[0], meta.origin[1]), shades
 
 
-def _trinary(meta: _MapYaml, values: npt.NDArray[np.uint8], alpha: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
-    """Cells as map_server makes them (nav2_map_server, map_io.cpp); `scale` is cut at the same thresholds."""
+def _states(meta: _MapYaml, white: int) -> npt.NDArray[np.uint8]:
+    """The state of a cell for each level from 0 to `white`, as map_server has it (nav2_map_server, map_io.cpp).
+
+    `scale` is cut at the same thresholds. A level that lies on one of them is never free.
+    """
+    levels = np.arange(white + 1)
     if meta.mode == "raw":
-        occupancy = values / 100.0
-        unknown = values > 100
+        percent = np.rint(levels * 255 / white)
+        occupancy, unknown = percent / 100, percent > 100
     else:
-        occupancy = values / 255.0 if meta.negate else (255 - values) / 255.0
-        unknown = alpha < 255
-    cells = np.full(values.shape, UNKNOWN, dtype=np.uint8)
-    cells[occupancy >= meta.occupied_thresh] = OCCUPIED
-    cells[occupancy <= meta.free_thresh] = FREE
-    cells[unknown] = UNKNOWN
-    return cells
+        occupancy = (levels if meta.negate else white - levels) / white
+        unknown = np.zeros(levels.shape, dtype=np.bool_)
+    states = np.full(levels.shape, UNKNOWN, dtype=np.uint8)
+    states[occupancy >= meta.occupied_thresh] = OCCUPIED
+    states[occupancy < meta.free_thresh] = FREE
+    states[unknown] = UNKNOWN
+    return states
 
 
-def read(file: Path, model: type[Model]) -> Model:
-    """A YAML file as this model. Raises `WorldError`."""
-    try:
-        content: Any = yaml.safe_load(file.read_text(encoding="utf-8"))
-        return model.model_validate(content)
-    except FileNotFoundError:
-        raise WorldError(f"{file} is missing.") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise WorldError(f"{file} is not valid YAML: {error}") from None
-    except ValidationError as error:
-        lines = [f"  {'.'.join(map(str, item['loc'])) or 'file'}: {item['msg']}" for item in error.errors()]
-        raise WorldError(f"{file} cannot be used:\n" + "\n".join(lines)) from None
+def _shades(meta: _MapYaml, white: int) -> npt.NDArray[np.uint8]:
+    """The shade of 8 bits, dark where it is occupied, for each level from 0 to `white`."""
+    shades = np.rint(np.arange(white + 1) * 255 / white).astype(np.uint8)
+    return 255 - shades if meta.negate else shades

@@ -23,7 +23,7 @@ from backend.mcp_robot import speech
 from backend.mcp_robot.navigation import follower, planner
 from backend.mcp_robot.navigation.grid import Floats, OccupancyGrid
 from backend.mcp_robot.refusal import Halted, Refusal
-from backend.mcp_robot.robot import Fix, Picture, Remaining, Route, Sound, TopologicalMap, Velocity
+from backend.mcp_robot.robot import Capabilities, Fix, Picture, Remaining, Route, Sound, TopologicalMap, Velocity
 from backend.mcp_robot.simulator import laser
 from backend.mcp_robot.simulator.motions import Drive, Turn, Utterance
 from backend.mcp_robot.simulator.rendering import renderer
@@ -64,6 +64,8 @@ class SimulatedRobot:
         self.name = name
         self.footprint_radius = FOOTPRINT_RADIUS
         self.places: TopologicalMap = world.places
+        settings = settings or Simulator()
+        self.capabilities = Capabilities(camera=settings.camera, voice=settings.voice)
         self.simulation = Simulation(world, limits, seed=seed, settings=settings, floor=floor)
         self.grid: OccupancyGrid = self.simulation.floor
         self.on_reroute: Callable[[Floats], None] = lambda _: None  # called with the new way of a drive

@@ -32,12 +32,12 @@ from backend.mcp_robot.simulator.battery import Accumulator
 from backend.mcp_robot.simulator.environment import Environment
 from backend.mcp_robot.simulator.motions import Drive, Turn, Utterance
 from backend.mcp_robot.simulator.obstacle_layer import ObstacleLayer
+from backend.mcp_robot.simulator.world import FOOTPRINT_RADIUS as FOOTPRINT_RADIUS
 from backend.mcp_robot.simulator.world import World
 from backend.telemetry import Pose, Twist
 
 STEP = 0.02
 """Simulated seconds a step: 50 Hz."""
-FOOTPRINT_RADIUS = 0.25
 PLANNING_RADIUS = FOOTPRINT_RADIUS + 0.05
 REACTION, BRAKING_MARGIN = 0.15, 0.03
 """The robot brakes when, beyond its braking distance, only the way of so many seconds and so many m are free: earlier

@@ -1,6 +1,7 @@
 """All tools of the robot, in one list. To add a tool: write it in one of these files, or in a new one beside them that
 has a function `add`, and name that file in TOOLS.
 
+A robot has the tools that its capabilities allow: the function `add` leaves out a tool that could only refuse.
 A tool translates arguments for the pilot and the pilot's answer into a typed result (results.py). It never decides what
 is safe and never knows which kind of robot it moves. Its title and docstring are for people and LLMs.
 """
@@ -24,7 +25,7 @@ do."""
 
 
 def build(pilot: Pilot) -> RobotServer:
-    """The MCP server with all tools of this robot."""
+    """The MCP server with the tools that this robot's capabilities allow."""
     server = RobotServer(
         name="robot-acp robot",
         title=pilot.robot.name,

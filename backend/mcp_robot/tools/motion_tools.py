@@ -27,7 +27,14 @@ PlanOnly = Annotated[bool, Field(description="only compute the path; move nothin
 
 
 def add(server: RobotServer, pilot: Pilot) -> None:
-    """Register these tools with the server."""
+    """Register these tools with the server; those that drive for a robot that has a laser, because without one the
+    guard halts every drive."""
+    if pilot.robot.capabilities.laser:
+        _add_driving(server, pilot)
+    _add_turning(server, pilot)
+
+
+def _add_driving(server: RobotServer, pilot: Pilot) -> None:
     sign = watchdog.announced(pilot.limits)
     plans = {keys.PREVIEW: "plan_only"}
 
@@ -81,6 +88,10 @@ def add(server: RobotServer, pilot: Pilot) -> None:
         """Drive to a named place of the topological map; returns when the robot is there."""
         found = named_places.resolve(place, pilot.robot.places)
         return await go(ctx, found.pose, True, found, plan_only)
+
+
+def _add_turning(server: RobotServer, pilot: Pilot) -> None:
+    sign = watchdog.announced(pilot.limits)
 
     @server.tool(title="Turn on the spot", annotations=ACTS, meta={keys.TITLE: "Turn by {degrees}°", **sign})
     async def rotate_in_place(

@@ -17,7 +17,7 @@ from backend.mcp_robot.tools.mcp_server import READ_ONLY, RobotServer, image, wi
 
 
 def add(server: RobotServer, pilot: Pilot) -> None:
-    """Register these tools with the server."""
+    """Register these tools with the server; take_photo for a robot that has a camera."""
     robot = pilot.robot
 
     @server.tool(title="Read the map", annotations=READ_ONLY, meta={keys.TITLE: "Read the map"})
@@ -52,6 +52,11 @@ def add(server: RobotServer, pilot: Pilot) -> None:
         """Battery, speed, the stop, and what the robot is doing now."""
         return _status(pilot.state())
 
+    if robot.capabilities.camera:
+        _add_photo(server, pilot)
+
+
+def _add_photo(server: RobotServer, pilot: Pilot) -> None:
     @server.tool(title="Take a photo", annotations=READ_ONLY, meta={keys.TITLE: "Take a photo"})
     async def take_photo() -> Annotated[CallToolResult, results.Photo]:
         """Take a picture with the robot's front camera."""

@@ -16,7 +16,9 @@ from backend.mcp_robot.tools.mcp_server import ACTS, RobotServer, audio, with_co
 
 
 def add(server: RobotServer, pilot: Pilot) -> None:
-    """Register this tool with the server."""
+    """Register this tool with the server, for a robot that has a voice."""
+    if not pilot.robot.capabilities.voice:
+        return
     sign = watchdog.announced(pilot.limits)
 
     @server.tool(title="Say something aloud", annotations=ACTS, meta={keys.TITLE: "Say aloud: “{text}”", **sign})

@@ -30,6 +30,7 @@ from backend.agent.sessions.store import Store
 from backend.agent.wiring import Wiring
 from backend.config import Settings
 from backend.identity import Identity, Role
+from backend.robot_server import RobotServerClient
 from backend.telemetry import Battery, Pose, State, Twist
 from tests.processes import PATIENCE_S, Client, Robot, eventually
 
@@ -281,7 +282,7 @@ async def test_a_slow_replay_and_the_events_of_another_session_share_a_connectio
 
 
 async def test_old_telemetry_does_not_pile_up_for_a_client_that_does_not_read() -> None:
-    link = RobotClient(None, None)
+    link = RobotClient(RobotServerClient(None))
     journal = Journal(Store("sqlite://"))
     wiring = SimpleNamespace(link=link, journal=journal, turns=SimpleNamespace(lease=Lease()), settings=Settings())
     told = 40_000  # 14 MB, if all of it were kept

@@ -13,6 +13,7 @@ from backend.agent.control.lease import Lease
 from backend.agent.robot.robot_client import RobotClient
 from backend.agent.wiring import Wiring
 from backend.config import Settings
+from backend.robot_server import RobotServerClient
 from backend.telemetry import Battery, Pose, State, Twist
 from tests.processes import Client, Robot, eventually
 
@@ -46,7 +47,7 @@ async def test_a_robot_server_that_hangs_is_one_that_cannot_be_reached(tmp_path:
 
 
 async def test_who_asks_for_little_telemetry_can_still_tell_a_silence_from_it() -> None:
-    link, sent = RobotClient(None, None), list[bytes]()
+    link, sent = RobotClient(RobotServerClient(None)), list[bytes]()
     wiring = SimpleNamespace(link=link, turns=SimpleNamespace(lease=Lease()), settings=Settings())
     connection = SimpleNamespace(identity="Ana", may_approve=False, deliver_latest=lambda _, line: sent.append(line))
     feed = TelemetryFeed(cast(Wiring, wiring), cast(ClientConnection, connection), 0.01)

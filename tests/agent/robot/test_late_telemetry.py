@@ -11,6 +11,7 @@ from websockets.asyncio.server import ServerConnection, serve
 
 from backend import telemetry
 from backend.agent.robot.robot_client import RobotClient
+from backend.robot_server import RobotServerClient
 from backend.telemetry import Battery, Pose, State, Stop, Twist
 from tests.processes import PATIENCE_S, eventually
 
@@ -40,9 +41,9 @@ class Line:
 async def linked(line: Line) -> AsyncIterator[RobotClient]:
     """The agent's link, which has heard how the robot was at first."""
     async with serve(line.serve, "127.0.0.1", 0) as server:
-        url = f"http://127.0.0.1:{next(iter(server.sockets)).getsockname()[1]}/mcp"
+        url = f"http://127.0.0.1:{next(iter(server.sockets)).getsockname()[1]}"
         # A slow test is no silent robot.
-        link = RobotClient(url, None, stale_after=PATIENCE_S, rest_timeout=PATIENCE_S)
+        link = RobotClient(RobotServerClient(url), stale_after=PATIENCE_S, rest_timeout=PATIENCE_S)
         following = asyncio.create_task(link.run())
         await eventually(lambda: link.state, "the robot")
         yield link

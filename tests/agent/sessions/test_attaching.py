@@ -14,6 +14,7 @@ import pytest
 from backend.agent.acp.connection import ClientConnection
 from backend.agent.acp.operations import Operations
 from backend.agent.acp.people import People
+from backend.agent.acp.request_limits import RequestLimits
 from backend.agent.control.lease import Lease
 from backend.agent.control.policy import Policy
 from backend.agent.robot.mcp_client import McpClient, Tool
@@ -31,6 +32,7 @@ from backend.agent.wiring import Wiring
 from backend.chat.link import RefusedError
 from backend.config import Settings
 from backend.identity import Role
+from backend.robot_server import RobotServerClient
 from backend.tokens import Registry, create
 from tests.processes import PATIENCE_S, Client, eventually, free_port
 
@@ -115,13 +117,21 @@ async def a_place(data: Path) -> AsyncIterator[Place]:
     journal = Journal(store)
     keeping = asyncio.create_task(journal.run())
     sessions = Sessions(store, journal, nowhere, "get_current_pose", 1.0)
-    link, may_go_on = RobotClient(None, None), asyncio.Event()
+    link, may_go_on = RobotClient(RobotServerClient(None)), asyncio.Event()
     silent = Silent("http://127.0.0.1:1/mcp", absent="There is no robot.")
     environment = TurnEnvironment("Sancho", silent, Policy(), link, store, Lease(), 1.0, 5, 1.0)
-    retention = Retention(store, sessions, Usage(), Settings().agent.storage)
-    offline = (OFFLINE_MODEL,)
     wiring = Wiring(
-        Settings(), Registry(data), sessions, journal, link, environment, offline, AllowList([]), People(), retention
+        settings=Settings(),
+        tokens=Registry(data),
+        sessions=sessions,
+        journal=journal,
+        retention=Retention(store, sessions, Usage(), Settings().agent.storage),
+        link=link,
+        turns=environment,
+        models=(OFFLINE_MODEL,),
+        offers=AllowList([]),
+        people=People(),
+        requests=RequestLimits(Settings().agent.requests),
     )
 
     async def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

@@ -28,6 +28,7 @@ from backend.agent.turns import model
 from backend.agent.turns.environment import TurnEnvironment
 from backend.agent.turns.turn import Turn
 from backend.identity import Identity, Role
+from backend.robot_server import RobotServerClient
 from backend.telemetry import Battery, Pose, State, Twist
 from tests.processes import PATIENCE_S, eventually
 
@@ -254,7 +255,7 @@ def at(speed: float) -> State:
 
 
 async def test_the_robot_is_given_on_at_rest_when_a_turn_fails_in_mid_motion(session: Session) -> None:
-    link, lease, tools = RobotClient(None, None), Lease(), Robot("http://127.0.0.1:1/mcp", absent="")
+    link, lease, tools = RobotClient(RobotServerClient(None)), Lease(), Robot("http://127.0.0.1:1/mcp", absent="")
     await link._set(at(0.5))
     environment = TurnEnvironment(
         "Sancho", tools, Policy(), link, session._journal._store, lease, 1.0, 5, 1.0, infer=turning
@@ -282,7 +283,7 @@ async def test_the_robot_is_given_on_at_rest_when_a_turn_fails_in_mid_motion(ses
 
 
 async def test_a_robot_that_is_silent_on_an_open_line_does_not_count_as_one_at_rest() -> None:
-    link = RobotClient(None, None)
+    link = RobotClient(RobotServerClient(None))
     await link._set(at(0.5))
     rest = asyncio.create_task(link.at_rest())
     await asyncio.sleep(0)

@@ -11,6 +11,7 @@ import pytest
 from backend.agent.robot.robot_client import RobotClient
 from backend.chat.link import RefusedError
 from backend.identity import Role
+from backend.robot_server import RobotServerClient
 from tests.agent.acp.test_connection import HELLO, dial
 from tests.agent.conftest import Opener, holds_the_robot
 from tests.databases import Database
@@ -144,7 +145,7 @@ async def test_commands_run_without_the_model_under_the_same_policy(connect: Ope
 
 async def test_a_stop_is_made_although_whoever_asked_for_it_is_gone(robot: Robot) -> None:
     bearer = robot.robot_headers["Authorization"].removeprefix("Bearer ")
-    link = RobotClient(f"http://127.0.0.1:{robot.robot_port}/mcp", bearer)
+    link = RobotClient(RobotServerClient(f"http://127.0.0.1:{robot.robot_port}", bearer.encode()))
     asked = asyncio.create_task(link.stop("Ana"))
     await asyncio.sleep(0)
     asked.cancel()

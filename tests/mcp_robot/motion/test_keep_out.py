@@ -83,6 +83,18 @@ def test_a_zone_that_leaves_the_map_or_lies_outside_marks_what_is_there(hall: Oc
     assert (off.cells == hall.cells).all()
 
 
+def test_a_zone_that_reaches_far_beyond_the_map_is_marked_as_any_other(hall: OccupancyGrid) -> None:
+    """Its sides were sampled to their ends: a zone of a million metres took all memory."""
+    far = 1e6
+    all_of_it = keep_out.applied(hall, [Zone("all", [(-far, -far), (far, -far), (far, far), (-far, far)])])
+    assert not (all_of_it.cells == FREE).any()
+    band = Zone("band", [(-far, 2.0), (far, 2.0), (far, 3.0), (-far, 3.0)])
+    near = Zone("near", [(-9.0, 2.0), (99.0, 2.0), (99.0, 3.0), (-9.0, 3.0)])
+    assert np.array_equal(keep_out.applied(hall, [band]).cells, keep_out.applied(hall, [near]).cells)
+    past = Zone("past", [(far, 0.0), (far, 9.0), (2 * far, 4.0)])
+    assert np.array_equal(keep_out.applied(hall, [past]).cells, hall.cells)
+
+
 def test_a_goal_whose_footprint_would_touch_a_zone_is_refused_with_its_name(hall: OccupancyGrid) -> None:
     for x, words in ((2.0, "is in"), (3.3, "is too close to")):
         with pytest.raises(
@@ -163,6 +175,8 @@ def test_a_world_brings_its_own_zones(office: World, tmp_path: Path) -> None:
     [
         ("zones:\n- name: stairs\n  polygon: [[1, 2], [3, 2]]\n", "zones.0.polygon"),
         ("zones:\n- name: ''\n  polygon: [[1, 2], [3, 2], [3, 4]]\n", "zones.0.name"),
+        ("zones:\n- name: a\n  polygon: [[1e9, 2], [3, 2], [3, 4]]\n", "zones.0.polygon.0.0"),
+        (f"zones: [{'{name: a, polygon: [[1, 2], [3, 2], [3, 4]]},' * 201}]", "at most 200 items"),
         ("zones:\n- name: a\n  polygon: [[.inf, 2], [3, 2], [3, 4]]\n", "zones.0.polygon.0.0"),
         ("zone: []\n", "zones"),
         ("zones: [", "not valid YAML"),

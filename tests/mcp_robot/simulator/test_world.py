@@ -17,13 +17,13 @@ from backend.mcp_robot.worlds.plan import YAML
 
 MAP = """\
 image: map.pgm
-resolution: 0.5
-origin: [-1.0, 2.0, 0.0]
+resolution: 2.0
+origin: [-2.0, 2.0, 0.0]
 negate: {negate}
 occupied_thresh: 0.65
 free_thresh: 0.196
 """
-PLACES = "places: [{id: a, name: hall, position: {x: -0.75, y: 2.25}}]"
+PLACES = "places: [{id: a, name: hall, position: {x: -1, y: 3}}]"
 
 
 def make(folder: Path, pixels: list[list[int]], *, negate: int = 0, map_yaml: str = MAP, places: str = PLACES) -> str:
@@ -36,9 +36,9 @@ def make(folder: Path, pixels: list[list[int]], *, negate: int = 0, map_yaml: st
 def test_the_bottom_row_of_the_picture_is_row_zero_and_shades_become_three_states(tmp_path: Path) -> None:
     grid = world.load(make(tmp_path, [[205, 0], [254, 100]])).grid
     assert grid.cells.tolist() == [[FREE, UNKNOWN], [UNKNOWN, OCCUPIED]]
-    assert grid.state(-0.99, 2.01) == FREE
-    assert grid.state(-0.01, 2.99) == OCCUPIED
-    assert grid.state(0.01, 2.5) is None
+    assert grid.state(-1.99, 2.01) == FREE
+    assert grid.state(1.99, 5.99) == OCCUPIED
+    assert grid.state(2.01, 3.0) is None
 
 
 def test_negate_swaps_black_and_white(tmp_path: Path) -> None:
@@ -49,12 +49,12 @@ def test_negate_swaps_black_and_white(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "complaint"),
     [
-        ({"map_yaml": MAP.replace("0.5", "-1")}, "resolution"),
+        ({"map_yaml": MAP.replace("resolution: 2.0", "resolution: -1")}, "resolution"),
         ({"map_yaml": MAP.replace("2.0, 0.0", "2.0, 0.3")}, "turned map"),
         ({"map_yaml": MAP.replace("0.196", "0.9")}, "free_thresh must be smaller"),
         ({"map_yaml": MAP.replace("map.pgm", "other.png")}, "other.png"),
         ({"places": "places: []"}, "places"),
-        ({"places": PLACES.replace("-0.75", "0.25")}, "hall (0.25, 2.25) is not on free floor"),
+        ({"places": PLACES.replace("-1", "1")}, "hall (1, 3) is not on free floor"),
         ({"places": PLACES + "\nedges: [[a, b]]"}, "no place with the id 'b'"),
         ({"places": "places: [}"}, "not valid YAML"),
     ],
@@ -120,7 +120,11 @@ def test_any_ros_map_is_a_world_by_the_path_of_its_yaml_or_folder_with_or_withou
 def test_without_places_the_robot_begins_at_the_origin_of_the_map_or_near_it(tmp_path: Path) -> None:
     pixels = np.full((100, 100), 254, dtype=np.uint8)
     pixels[60:90, 10:40] = 0
-    folder = make(tmp_path, pixels.tolist(), map_yaml=MAP.replace("0.5", "0.05").replace("-1.0, 2.0", "-1.0, -1.0"))
+    folder = make(
+        tmp_path,
+        pixels.tolist(),
+        map_yaml=MAP.replace("resolution: 2.0", "resolution: 0.05").replace("-2.0, 2", "-1.0, -1"),
+    )
     (Path(folder) / "places.yaml").unlink()
     building = world.load(folder)
     assert building.grid.clearance(building.start.x, building.start.y) >= 0.4
@@ -146,6 +150,6 @@ def test_a_map_without_free_floor_is_told_with_what_to_look_at(tmp_path: Path) -
 
 
 def test_a_door_must_stand_on_free_floor(tmp_path: Path) -> None:
-    doors = PLACES + "\ndoors: [{id: gate, start: {x: -0.25, y: 2.25}, end: {x: -0.25, y: 2.75}}]"
+    doors = PLACES + "\ndoors: [{id: gate, start: {x: 1, y: 3}, end: {x: 1, y: 5}}]"
     with pytest.raises(WorldError, match=r"door gate .* is not on free floor"):
         world.load(make(tmp_path, [[254, 0], [254, 0]], places=doors))

@@ -5,6 +5,7 @@
 import en from "./locales/en";
 import i18next from "./index";
 import { isRecord } from "../wire/fields";
+import { visibleLine } from "../wire/visible-text";
 
 export interface Choice {
   value: string;
@@ -44,14 +45,14 @@ function hasText<Texts extends object>(
 /** What a call does, in the reader's language. Its arguments are unchanged: whoever decides must be able to compare them. */
 export function callText(call: Call): string {
   const known = knownCall(call);
-  return known === null ? call.title : i18next.t(`toolCall.${known.tool}`, known.values);
+  return known === null ? visibleLine(call.title) : i18next.t(`toolCall.${known.tool}`, known.values);
 }
 
 /** The part of `callText` that is not in the page's language: the title as it came, or the sentence to be spoken. */
 export function untranslatedPart(call: Call): string {
   const known = knownCall(call);
-  if (known === null) return call.title;
-  return known.tool === "speak" ? String(known.values["text"]) : "";
+  if (known === null) return visibleLine(call.title);
+  return known.tool === "speak" ? visibleLine(String(known.values["text"])) : "";
 }
 
 /** Whether the call is one of the robot server's known ones, whose other sentences are English. */
@@ -69,7 +70,7 @@ export function translatedArguments(call: Call): string[] | null {
 function knownCall({ tool, input, title }: Call): { tool: keyof typeof en.toolCall; values: Values } | null {
   if (!hasText(en.toolCall, tool)) return null;
   const values = valuesOf(ARGUMENTS[tool], input);
-  return values !== null && titlesOf(tool, values).includes(title) ? { tool, values } : null;
+  return values !== null && titlesOf(tool, values).includes(visibleLine(title)) ? { tool, values } : null;
 }
 
 /** The English title, with every way of writing its numbers. */
@@ -100,17 +101,19 @@ function valuesOf(wanted: Record<string, Kind>, input: unknown): Values | null {
 
 /** The reader's word for an argument or a field of data. */
 export function argumentName(key: string): string {
-  return hasText(en.argument, key) ? i18next.t(`argument.${key}`) : key.replaceAll("_", " ");
+  return hasText(en.argument, key) ? i18next.t(`argument.${key}`) : visibleLine(key.replaceAll("_", " "));
 }
 
 /** What a tool does, without its arguments, in the reader's language. */
 export function toolText(tool: string | null, title: string): string {
-  return hasText(en.tools, tool) && title === en.tools[tool] ? i18next.t(`tools.${tool}`) : title;
+  return hasText(en.tools, tool) && title === en.tools[tool]
+    ? i18next.t(`tools.${tool}`)
+    : visibleLine(title);
 }
 
 /** The part of `toolText` that is not in the page's language. */
 export function untranslatedTitle(tool: string | null, title: string): string {
-  return hasText(en.tools, tool) && title === en.tools[tool] ? "" : title;
+  return hasText(en.tools, tool) && title === en.tools[tool] ? "" : visibleLine(title);
 }
 
 /** Name and description must match, too: another agent's mode may have the same id and mean something else. */

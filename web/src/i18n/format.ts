@@ -44,8 +44,20 @@ export function degrees(yaw: number): string {
   return number(((Math.round((yaw * 180) / Math.PI) % 360) + 360) % 360, 0);
 }
 
+/** The time of day, with the date before it unless that is today: yesterday's stop must not look like today's. */
 export function clock(unixSeconds: number): string {
-  return new Intl.DateTimeFormat(locale(), { timeStyle: "medium" }).format(unixSeconds * 1000);
+  const date = new Date(unixSeconds * 1000);
+  const now = new Date();
+  const day: Intl.DateTimeFormatOptions =
+    date.toDateString() === now.toDateString()
+      ? {}
+      : {
+          day: "numeric",
+          month: "short",
+          ...(date.getFullYear() === now.getFullYear() ? {} : { year: "numeric" }),
+        };
+  const time: Intl.DateTimeFormatOptions = { hour: "numeric", minute: "2-digit", second: "2-digit" };
+  return new Intl.DateTimeFormat(locale(), { ...day, ...time }).format(date);
 }
 
 /** The time of day for a date of today, else the day. */

@@ -5,6 +5,7 @@
  */
 import i18next from "i18next";
 import { initReactI18next } from "react-i18next";
+import { visibleLine } from "../wire/visible-text";
 import en from "./locales/en";
 
 export type Texts = { [Group in keyof typeof en]: Record<keyof (typeof en)[Group], string> };
@@ -38,7 +39,8 @@ void i18next.use(initReactI18next).init({
   resources: Object.fromEntries(locales.map(({ code, texts }) => [code, { translation: texts }])),
   lng: "en",
   fallbackLng: "en",
-  interpolation: { escapeValue: false }, // React escapes
+  // React escapes HTML. What is said of others' names and titles must be what people see.
+  interpolation: { escapeValue: true, escape: visibleLine },
   initAsync: false,
 });
 

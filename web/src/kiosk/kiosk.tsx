@@ -1,8 +1,10 @@
 /** The visitor's screen: a greeting with suggestions, then what was asked, what the robot does, and its answer. */
-import { useCallback, useEffect, useState } from "react";
+import { useCallback, useEffect, useRef, useState } from "react";
 import { useTranslation } from "react-i18next";
-import { stopRobot } from "../acp/connection/connection";
+import { stopRobot } from "../acp/connection/stop";
 import { sendRequest, endVisit, startKiosk } from "../acp/screens/kiosk-visit";
+import { Boundary } from "../components/common/boundary";
+import { PaneBoundary } from "../components/common/pane-boundary";
 import { StopButton } from "../components/common/stop-button";
 import { canPrompt } from "../state/rights";
 import { conversationOf, robotName, setState, useMe, useStore } from "../state/store";
@@ -17,7 +19,7 @@ import { StillThere } from "./idle/still-there";
 import { Suggestions } from "./ask/suggestion-list";
 import { TopLine } from "./top-line";
 import { useIdleTimer } from "./idle/use-idle-timer";
-import { isOutdated } from "./version";
+import { isOutdated } from "../components/common/build-version";
 import { initialLanguage, setLanguage } from "../i18n/page-language";
 
 const SETTINGS = kioskSettings(window.location.search);
@@ -31,6 +33,9 @@ export default function Kiosk() {
   const online = useStore((state) => state.link.status === "online");
   const [text, setText] = useState("");
   const [failed, setFailed] = useState(false);
+  /** Counts visitors: what belonged to the one before comes too late for the next. */
+  const visitor = useRef(0);
+  const [visitorKey, setVisitorKey] = useState(0);
   const turn = useStore((state) => conversationOf(state).turn);
   const running = turn !== null || opening;
 
@@ -41,6 +46,8 @@ export default function Kiosk() {
 
   const startOver = useCallback(() => {
     endVisit();
+    visitor.current++;
+    setVisitorKey(visitor.current);
     setText("");
     setFailed(false);
     setState({ stopError: null });
@@ -60,7 +67,15 @@ export default function Kiosk() {
     setText("");
     setFailed(false);
     // A refused prompt is part of the conversation; this is about a session that could not be begun.
-    sendRequest(words, me.name).catch(() => setFailed(true));
+    const asker = visitor.current;
+    const giveBack = (): void => {
+      if (asker !== visitor.current) return;
+      setText((since) => (since === "" ? words : since));
+      setFailed(true);
+    };
+    sendRequest(words, me.name).then((arrived) => {
+      if (!arrived) giveBack();
+    }, giveBack);
   };
 
   return (
@@ -68,7 +83,9 @@ export default function Kiosk() {
       <TopLine onStartOver={visiting ? startOver : null} />
       <main className="kiosk-main">
         <section className="kiosk-talk">
-          {visiting ? <Answer /> : <Greeting />}
+          <PaneBoundary key={String(visiting)} name={t("kiosk.talk")}>
+            {visiting ? <Answer /> : <Greeting />}
+          </PaneBoundary>
           {failed && (
             <p className="kiosk-note" role="alert">
               {t("kiosk.notBegun")}
@@ -77,8 +94,13 @@ export default function Kiosk() {
         </section>
         {canPrompt(me.role) ? (
           <section className="kiosk-ask" aria-label={t("kiosk.suggestions")} data-running={running}>
-            {!running && <Suggestions compact={visiting} onRequest={request} />}
+            {!running && (
+              <Boundary fallback={() => null}>
+                <Suggestions compact={visiting} onRequest={request} />
+              </Boundary>
+            )}
             <AskBar
+              key={visitorKey}
               text={text}
               onText={setText}
               running={running}
@@ -89,10 +111,16 @@ export default function Kiosk() {
         ) : (
           <p className="kiosk-note">{t("kiosk.onlyWatch")}</p>
         )}
-        {SETTINGS.map && <KioskMap />}
+        {SETTINGS.map && (
+          <Boundary fallback={() => null}>
+            <KioskMap />
+          </Boundary>
+        )}
       </main>
       <footer className="kiosk-foot">
-        <Notices onStopAgain={() => void stopRobot()} />
+        <PaneBoundary name={t("toast.region")}>
+          <Notices onStopAgain={() => void stopRobot()} />
+        </PaneBoundary>
         <StopButton />
       </footer>
       {endsAt !== null && hasVisitor && <StillThere endsAt={endsAt} onStay={stay} />}

@@ -4,6 +4,9 @@
  */
 import { backoff } from "../wire/backoff";
 
+/** A browser opens one WebSocket at a time to a server: one that never opens must not keep the others waiting. */
+const OPENS_WITHIN_MS = 10_000;
+
 export interface SocketEvents {
   onOpen?: () => void;
   onMessage: (data: unknown) => void;
@@ -49,7 +52,11 @@ export class ReconnectingSocket {
     const socket = new WebSocket(url);
     this.socket = socket;
     const isCurrent = (): boolean => this.socket === socket;
+    const limit = setTimeout(() => {
+      if (isCurrent()) this.drop();
+    }, OPENS_WITHIN_MS);
     socket.onopen = () => {
+      clearTimeout(limit);
       if (isCurrent()) this.events.onOpen?.();
     };
     socket.onmessage = ({ data }: MessageEvent<unknown>) => {
@@ -58,6 +65,7 @@ export class ReconnectingSocket {
       this.events.onMessage(data);
     };
     socket.onclose = () => {
+      clearTimeout(limit);
       if (isCurrent()) this.lost();
     };
   }

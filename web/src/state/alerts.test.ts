@@ -92,11 +92,13 @@ describe("alerts", () => {
   it("are two at most, and what is grave is among them", () => {
     const telemetry = robot({ level: 0.05 }, { halted: HALTED });
     expect(shown({ telemetry })).toEqual(["halted", "battery"]);
-    expect(shown({ telemetry, stopError: "no", stop: { by: "Ana", at: 1 } })).toEqual([
+    expect(shown({ telemetry, stopError: { kind: "noAnswer" }, stop: { by: "Ana", at: 1 } })).toEqual([
       "stop-failed",
       "stopped",
     ]);
     expect(shown({ telemetry, stop: { by: "Ana", at: 1 } })).toEqual(["stopped", "battery"]);
-    expect(shown({ silentSince: 7, stopError: "no", stop: { by: "Ana", at: 1 } })).toHaveLength(3);
+    expect(
+      shown({ silentSince: 7, stopError: { kind: "noAnswer" }, stop: { by: "Ana", at: 1 } }),
+    ).toHaveLength(3);
   });
 });

@@ -7,6 +7,7 @@ import type { NumberedEvent } from "../wire/event";
 import { authorOf, decisionOf, progressOf, toolOf, turnOf, waitingOf } from "../wire/meta";
 import { callText, modeName, untranslatedPart, settingName, type Call } from "../i18n/agent-terms";
 import { hasEnded } from "./conversation/conversation";
+import { visibleLine } from "../wire/visible-text";
 
 export const MAX_ROWS = 10_000;
 /** Characters of a row's text. */
@@ -66,9 +67,9 @@ export function rowOf({ seq, at, update }: NumberedEvent, titles: Titles): Row {
   const [kind, { text, foreignFrom }] = describe(update, titles);
   const ends = update.sessionUpdate === "tool_call_update" && hasEnded(update.status);
   if (ends) titles.delete(update.toolCallId); // otherwise a log that is open for days keeps the title of every call
-  const line = inOneLine(text).trim();
+  const line = visibleLine(inOneLine(text).trim());
   const short = line.length > MAX_TEXT ? `${line.slice(0, MAX_TEXT - 1)}…` : line;
-  const own = inOneLine(text.slice(0, foreignFrom)).trimStart();
+  const own = visibleLine(inOneLine(text.slice(0, foreignFrom)).trimStart());
   return { seq, at, kind, text: short, foreignFrom: Math.min(own.length, short.length) };
 }
 

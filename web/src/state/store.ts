@@ -53,6 +53,13 @@ export interface HiddenAlerts {
   battery: number | null;
 }
 
+/**
+ * Why Stop failed: nothing answered; something else than the robot's server did; the server refused, and says why; or it
+ * could not reach the robot, and says what to do.
+ */
+export type StopFailure =
+  { kind: "noAnswer" } | { kind: "foreign" } | { kind: "refused" | "told"; sentence: string };
+
 /** Why nobody is logged in. */
 export type LoginProblem = "none" | "invalid" | "expired" | "unreachable";
 
@@ -72,6 +79,8 @@ export interface State {
   clockOffsetMs: number;
   /** Whether the agent can delete sessions. */
   canDelete: boolean;
+  /** Whether the agent can send the events of a session from a number on, in place of all of them. */
+  canResume: boolean;
 
   sessions: SessionInfo[];
   /** The cursor of the next page of sessions; null when all are loaded. */
@@ -87,6 +96,8 @@ export interface State {
   currentId: string | null;
   /** True from choosing a session until it can be used. */
   opening: boolean;
+  /** Why the session on the screen could not be opened, in the agent's words; null where it could, or was not tried. */
+  notOpened: string | null;
   conversations: Record<string, Conversation>;
   /** Conversations that are being replayed. */
   drafts: Record<string, Conversation>;
@@ -106,8 +117,8 @@ export interface State {
   stop: Stop | null;
   /** True while Stop waits for its answer. */
   stopBusy: boolean;
-  /** Why Stop failed, in the server's words; empty where it gave none, null where Stop did not fail. Shown loudly. */
-  stopError: string | null;
+  /** Null where Stop did not fail. Shown loudly. */
+  stopError: StopFailure | null;
   toasts: Toast[];
   /** Alerts that the person here has hidden. */
   hidden: HiddenAlerts;
@@ -121,6 +132,7 @@ export const INITIAL: State = {
   latencyMs: null,
   clockOffsetMs: 0,
   canDelete: false,
+  canResume: false,
   sessions: [],
   moreSessions: null,
   sessionsKnown: false,
@@ -128,6 +140,7 @@ export const INITIAL: State = {
   people: null,
   currentId: null,
   opening: false,
+  notOpened: null,
   conversations: {},
   drafts: {},
   attached: new Set(),

@@ -7,6 +7,7 @@ import { PHASES, type Phase, type Seconds } from "./phases";
 
 /** Explained in docs/extensions.md. */
 export const META = {
+  after: "robot-acp/after",
   asker: "robot-acp/asker",
   at: "robot-acp/at",
   by: "robot-acp/by",

@@ -96,7 +96,7 @@ function parseMotion(value: unknown): Motion | null {
   };
 }
 
-export function parseStop(value: unknown): Stop | null {
+function parseStop(value: unknown): Stop | null {
   if (!isRecord(value)) return null;
   const at = value["at"];
   const seconds = typeof at === "string" ? Date.parse(at) / 1000 : asNumber(at);
@@ -104,6 +104,14 @@ export function parseStop(value: unknown): Stop | null {
     by: asString(value["by"]) ?? "",
     at: seconds === null || Number.isNaN(seconds) ? Date.now() / 1000 : seconds,
   };
+}
+
+/** The stop in the answer to Stop; null where the answer does not say that the robot is stopped, by whom and when. */
+export function parseStopAnswer(body: unknown): Stop | null {
+  const stopped = isRecord(body) ? body["stopped"] : null;
+  if (!isRecord(stopped)) return null;
+  const [by, at] = [asString(stopped["by"]), asNumber(stopped["at"])];
+  return by === null || at === null ? null : { by, at };
 }
 
 function parseHalt(value: unknown): Halt | null {
@@ -155,4 +163,11 @@ export function announcesTelemetry({ agentCapabilities }: InitializeResponse): b
   const about = agentCapabilities?._meta?.["robot-acp"];
   const extensions = isRecord(about) ? about["extensions"] : null;
   return Array.isArray(extensions) && extensions.includes(METHODS.telemetry);
+}
+
+/** Whether the agent resumes a session after a numbered event. Plain ACP resumes without what came meanwhile. */
+export function resumesAfterEvent({ agentCapabilities }: InitializeResponse): boolean {
+  return (
+    agentCapabilities?.sessionCapabilities?.resume != null && isRecord(agentCapabilities._meta?.["robot-acp"])
+  );
 }

@@ -14,7 +14,7 @@ import numpy as np
 import viser
 
 from backend import telemetry
-from backend.bridge.scene import viser_internals
+from backend.bridge.scene import viser_internals, viser_port
 from backend.bridge.scene.drawing import robot_model, shapes
 from backend.bridge.scene.drawing.camera_views import FIELD_OF_VIEW, TYPICAL_ASPECT, map_view
 from backend.bridge.scene.drawing.floor_plan import OUTSIDE, FloorPlan
@@ -41,9 +41,11 @@ class SceneGraph:
     """One viser server with the scene in it, listening on loopback. Raises whatever viser raises at its start."""
 
     def __init__(self, robot_name: str, trail: Trail | None = None) -> None:
+        viser_port.require_secret()
         with viser_internals.silenced():
             self._server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         try:
+            viser_port.forget_page_requests(self._server)
             viser_internals.wake_pages_in_own_thread(self._server)
             self._make_nodes(robot_name, trail)
         except BaseException:

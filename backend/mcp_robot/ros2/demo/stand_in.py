@@ -49,6 +49,7 @@ class StandIn:
         self._loop = asyncio.get_running_loop()
         self._tasks: set[asyncio.Task[None]] = set()  # goals under way, and what the robot says
         self._latest: Any = None  # the goal that moves the robot
+        self._planned: Any = None  # the latest goal of the planner, which serves one at a time
         s = self._settings
         for kind, name, serve in (
             (NavigateToPose, s.navigate, self._navigate),
@@ -179,6 +180,7 @@ class StandIn:
 
     async def _compute_path(self, handle: Any, result: Any) -> End:
         goal: Pose = convert.pose(handle.request.goal.pose)
+        self._planned = handle
         try:
             if self._robot.grid.state(goal.x, goal.y) != FREE:
                 raise Refusal("occupied", "The goal is not on free floor.")
@@ -186,6 +188,8 @@ class StandIn:
         except Refusal as refusal:
             _explain(result, NO_VALID_PATH, refusal)
             return "aborted"
+        if self._planned is not handle:
+            return "aborted"  # as Nav2's action servers do: without a word on why
         result.path = self._topics.path(route.points)
         return "succeeded"
 

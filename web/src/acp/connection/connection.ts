@@ -1,21 +1,21 @@
 /**
- * Ties the page to the robot, for every screen: login, the connection to the agent, the health of the parts behind the
- * bridge, and Stop. A screen starts the connection once somebody is logged in, and ends it with itself. Stop goes over
- * HTTP and must never depend on the ACP connection.
+ * Ties the page to the robot, for every screen: login, the connection to the agent, and the health of the parts behind
+ * the bridge. A screen starts the connection once somebody is logged in, and ends it with itself.
  */
 import type { ClientContext, InitializeResponse } from "@agentclientprotocol/sdk";
 import * as http from "../../api/http";
-import i18next from "../../i18n";
 import { keepHidden } from "../../state/alerts";
-import { getState, INITIAL, setState, toast, type LoginProblem } from "../../state/store";
+import { getState, INITIAL, setState, type LoginProblem } from "../../state/store";
 import type { Me } from "../../wire/bridge";
 import type { Person } from "../../wire/people";
-import { announcesTelemetry, type Telemetry } from "../../wire/telemetry";
+import { announcesTelemetry, resumesAfterEvent, type Telemetry } from "../../wire/telemetry";
 import { takeToken } from "../sessions/address";
 import { forgetAskedCalls } from "../sessions/questions";
-import { receiveUpdate } from "../sessions/sessions";
+import { forgetPrompts, receiveUpdate } from "../sessions/sessions";
 import { setAgent } from "./agent";
 import { Link, type LinkEvents } from "./link";
+import { Poll } from "./poll";
+import { telemetryKnowsStop } from "./stop";
 import {
   endTelemetry,
   endTelemetryWatch,
@@ -25,8 +25,6 @@ import {
 } from "./telemetry-watch";
 
 const CHECK_MS = 5000;
-/** Telemetry that was under way while Stop was answered is older than that answer. */
-const STOP_SETTLES_MS = 1000;
 /** After so many checks in a row without an answer the connection counts as dead. */
 const FAILED_CHECKS = 2;
 
@@ -43,37 +41,50 @@ export interface Screen {
 
 let activeScreen: Screen | null = null;
 let link: Link | null = null;
-let checkTimer: ReturnType<typeof setInterval> | null = null;
-/** When Stop or Release was last answered over HTTP, in ms. */
-let stopAnsweredAt = 0;
+const checks = new Poll(checkBridge, CHECK_MS);
 /** Counts checks in a row that nobody answered. */
 let failedChecks = 0;
+/** Counts logins, logouts and connections: an answer to what was asked before the newest of them counts for nothing. */
+let generation = 0;
+/** Logins that wait for their answer. */
+let loggingIn = 0;
 
 /** On loading the page: signs in with a token in the address, else with the cookie of an earlier login. */
 export async function signInOnLoad(): Promise<void> {
   const token = takeToken();
   if (token !== null) return logIn(token);
+  if (loggingIn > 0) return; // the cookie of before must not decide over it
+  const asked = ++generation;
   try {
-    await signIn((await http.whoAmI()).me);
+    const { me } = await http.whoAmI();
+    if (asked === generation) await signIn(me);
   } catch (error) {
+    if (asked !== generation) return;
     const refused = error instanceof http.HttpError && error.status === 401;
     await signOut(refused ? "none" : "unreachable");
   }
 }
 
 export async function logIn(token: string): Promise<void> {
+  const asked = ++generation;
+  loggingIn++;
   try {
-    await signIn(await http.login(token));
+    const me = await http.login(token);
+    if (asked === generation) await signIn(me);
   } catch (error) {
+    if (asked !== generation) return;
     const status = error instanceof http.HttpError ? error.status : 0;
     await signOut(status >= 400 && status < 500 ? "invalid" : "unreachable");
+  } finally {
+    loggingIn--;
   }
 }
 
 export async function logOut(): Promise<void> {
+  const asked = ++generation;
   await endScreen();
   await http.logout().catch(() => undefined);
-  await signOut("none");
+  if (asked === generation) await signOut("none");
 }
 
 /** One person in one role: a connection keeps the role with which it was opened. */
@@ -81,15 +92,17 @@ export const identityOf = (me: Me): string => `${me.role} ${me.name}`;
 
 /** Another person than before begins with an empty page: nothing of the first one stays in the store. */
 async function signIn(me: Me): Promise<void> {
+  const asked = ++generation;
   const { auth } = getState();
   const someoneElse = auth.status === "in" && identityOf(auth.me) !== identityOf(me);
   if (someoneElse) await endScreen();
-  setState({ ...(someoneElse ? INITIAL : {}), auth: { status: "in", me } });
+  if (asked === generation) setState({ ...(someoneElse ? INITIAL : {}), auth: { status: "in", me } });
 }
 
 async function signOut(problem: LoginProblem): Promise<void> {
+  const asked = ++generation;
   await endScreen();
-  setState({ ...INITIAL, auth: { status: "out", problem } });
+  if (asked === generation) setState({ ...INITIAL, auth: { status: "out", problem } });
 }
 
 async function endScreen(): Promise<void> {
@@ -117,6 +130,7 @@ export function startConnection(screen: Screen): void {
     onQuestion: screen.onQuestion,
     onOpen: (agent, initialized) => {
       setAgent(agent);
+      setState({ canResume: resumesAfterEvent(initialized) });
       awaitTelemetry(initialized);
       return screen.onOpen(agent, initialized);
     },
@@ -124,14 +138,13 @@ export function startConnection(screen: Screen): void {
       setAgent(null);
       endTelemetry();
       setState({ people: null });
-      void checkBridge();
+      checks.soon();
     },
   });
   // Either the robot server hangs or the connection is dead: only the agent's answer tells which.
   startTelemetryWatch(() => void link?.probe());
   link.start();
-  void checkBridge();
-  checkTimer = setInterval(() => void checkBridge(), CHECK_MS);
+  checks.now();
   window.addEventListener("online", reconnectNow);
 }
 
@@ -142,12 +155,14 @@ export function endConnection(): void {
   setAgent(null);
   endTelemetryWatch();
   forgetAskedCalls();
-  if (checkTimer !== null) clearInterval(checkTimer);
+  forgetPrompts();
+  checks.end();
+  failedChecks = 0;
   window.removeEventListener("online", reconnectNow);
 }
 
 export function reconnectNow(): void {
-  void checkBridge();
+  checks.now();
   const { link: linkState, silentSince } = getState();
   if (linkState.status === "online" && silentSince !== null) link?.drop();
   link?.tryNow();
@@ -164,7 +179,7 @@ function receiveTelemetry(telemetry: Telemetry): void {
   // While the robot is not reachable, the agent says so once and sends nothing more.
   if (telemetry.online) expectTelemetry();
   else expectNoTelemetry();
-  const knowsStop = telemetry.online && !getState().stopBusy && Date.now() - stopAnsweredAt > STOP_SETTLES_MS;
+  const knowsStop = telemetry.online && telemetryKnowsStop();
   setState(({ hidden }) => ({
     telemetry,
     silentSince: null,
@@ -174,53 +189,33 @@ function receiveTelemetry(telemetry: Telemetry): void {
 }
 
 /** Measures the link, and asks whether the login still counts and how the parts behind the bridge are. */
-async function checkBridge(): Promise<void> {
+async function checkBridge(signal: AbortSignal): Promise<void> {
+  const askedIn = generation;
+  const isOld = (): boolean => signal.aborted || askedIn !== generation;
   try {
-    const askedWith = link;
-    const { me, latencyMs, clockOffsetMs } = await http.whoAmI();
-    if (askedWith !== link) return; // the answer is about the login before this one
+    const { me, latencyMs, clockOffsetMs } = await http.whoAmI(signal);
+    if (isOld()) return;
     failedChecks = 0;
-    if (getState().auth.status === "in") await signIn(me);
+    const { auth } = getState();
+    if (auth.status === "in" && (identityOf(auth.me) !== identityOf(me) || auth.me.robot !== me.robot)) {
+      await signIn(me);
+      return; // the next check is about that login
+    }
     setState((state) => ({
       reachable: true,
       latencyMs,
       clockOffsetMs: clockOffsetMs ?? state.clockOffsetMs,
     }));
-    const health = await http.health();
-    if (askedWith === link) setState({ health });
+    const health = await http.health(signal);
+    if (!isOld()) setState({ health });
   } catch (error) {
-    if (error instanceof http.HttpError && error.status === 401) {
+    if (isOld() || !(error instanceof http.HttpError)) return;
+    if (error.status === 401) {
       await signOut("expired");
       return;
     }
-    if (error instanceof http.HttpError && error.status !== 0) return;
+    if (error.status !== 0) return;
     setState({ reachable: false, latencyMs: null });
     if (++failedChecks >= FAILED_CHECKS) link?.drop();
-  }
-}
-
-/** Stops the robot. Nothing comes before the request, and a failure is shown loudly. */
-export async function stopRobot(): Promise<void> {
-  setState({ stopBusy: true, stopError: null });
-  try {
-    const stop = await http.stopRobot();
-    stopAnsweredAt = Date.now();
-    setState({ stop, stopError: null });
-  } catch (error) {
-    setState({ stopError: error instanceof http.HttpError ? error.message : "" });
-  } finally {
-    setState({ stopBusy: false });
-  }
-}
-
-export async function releaseRobot(): Promise<void> {
-  try {
-    await http.releaseRobot();
-    stopAnsweredAt = Date.now();
-    setState({ stop: null });
-  } catch (error) {
-    const sentence = error instanceof http.HttpError ? error.message : "";
-    if (sentence === "") toast("warning", i18next.t("stop.releaseFailed"));
-    else toast("warning", sentence, "en");
   }
 }

@@ -1,9 +1,9 @@
 /** Who comes after somebody else finds nothing of theirs. */
-import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { setComposerText, useComposerText } from "../../components/conversation/composer-text";
 import { EMPTY } from "../../state/conversation/conversation";
 import { getState, INITIAL, setState } from "../../state/store";
-import { endConnection, logIn, logOut, startConnection } from "./connection";
+import { endConnection, logIn, logOut, reconnectNow, signInOnLoad, startConnection } from "./connection";
 import { Link } from "./link";
 
 const ended = vi.fn();
@@ -25,7 +25,7 @@ beforeEach(async () => {
   ended.mockClear();
   startConnection({ onOpen: () => Promise.resolve(), onQuestion: () => new Promise(() => undefined) });
   setState({
-    stopError: "Stop did not get through.",
+    stopError: { kind: "noAnswer" },
     hidden: { halted: 5, battery: null },
     conversations: { s1: EMPTY },
   });
@@ -36,7 +36,7 @@ afterEach(() => endConnection());
 
 it("keeps everything for the same person with another link", async () => {
   await logIn("another of Ana's");
-  expect(getState()).toMatchObject({ stopError: "Stop did not get through.", hidden: { halted: 5 } });
+  expect(getState()).toMatchObject({ stopError: { kind: "noAnswer" }, hidden: { halted: 5 } });
   expect(useComposerText.getState().text).toBe("Go to the");
   expect(ended).not.toHaveBeenCalled();
 });
@@ -81,4 +81,62 @@ it("notices somebody who has logged in in another tab", async () => {
   window.dispatchEvent(new Event("online"));
   await vi.waitFor(() => expect(getState().auth).toMatchObject({ me: { name: "Ben" } }));
   expect(getState()).toMatchObject({ conversations: {}, stopError: null, hidden: { halted: null } });
+});
+
+describe("an answer that comes late", () => {
+  /** The requests that wait for an answer, oldest first. */
+  let waiting: { path: string; answer: (name: string | null) => void }[];
+  const asked = (path: string): typeof waiting => waiting.filter((request) => request.path === path);
+
+  beforeEach(async () => {
+    await vi.waitFor(() => expect(getState().health).not.toBeNull()); // the first check has ended
+    waiting = [];
+    vi.stubGlobal(
+      "fetch",
+      (path: string, { signal }: RequestInit) =>
+        new Promise((resolve, reject) => {
+          signal?.addEventListener("abort", () => reject(new Error("aborted")));
+          const answer = (name: string | null): void =>
+            resolve(Response.json({ name, role: "supervisor" }, { status: name === null ? 401 : 200 }));
+          waiting.push({ path, answer });
+        }),
+    );
+  });
+
+  it("does not end the login that was made meanwhile", async () => {
+    reconnectNow();
+    const login = logIn("Ben's");
+    asked("/api/login")[0]?.answer("Ben");
+    await login;
+    asked("/api/me")[0]?.answer(null);
+    await new Promise((resolve) => setTimeout(resolve));
+    expect(getState().auth).toMatchObject({ status: "in", me: { name: "Ben" } });
+  });
+
+  it("decides nothing where the page was begun twice", async () => {
+    const first = signInOnLoad();
+    const second = signInOnLoad();
+    asked("/api/me")[1]?.answer("Ana");
+    await second;
+    asked("/api/me")[0]?.answer(null);
+    await first;
+    expect(getState().auth).toMatchObject({ status: "in", me: { name: "Ana" } });
+  });
+
+  it("does not come before a login that is still under way", async () => {
+    const login = logIn("Ben's");
+    await signInOnLoad();
+    expect(waiting.map(({ path }) => path)).toEqual(["/api/login"]);
+    asked("/api/login")[0]?.answer("Ben");
+    await login;
+    expect(getState().auth).toMatchObject({ status: "in", me: { name: "Ben" } });
+  });
+
+  it("is not asked for twice at a time", () => {
+    window.dispatchEvent(new Event("online"));
+    window.dispatchEvent(new Event("online"));
+    expect(waiting.map(({ path }) => path)).toEqual(["/api/me", "/api/me"]);
+    // The first one was given up: its failure is not taken for the bridge's.
+    expect(getState().reachable).toBe(true);
+  });
 });

@@ -60,14 +60,18 @@ async function resumeVisit(agent: ClientContext): Promise<void> {
   }
 }
 
-/** Sends the visitor's request and returns when its turn is over. Rejects when no session can be begun. */
-export async function sendRequest(text: string, author: string): Promise<void> {
+/**
+ * Sends the visitor's request and returns when its turn is over. False when the agent does not have it. Rejects when no
+ * session can be begun.
+ */
+export async function sendRequest(text: string, author: string): Promise<boolean> {
   const agent = getAgent();
-  if (agent === null || getState().opening) return;
+  if (agent === null) return false;
+  if (getState().opening) return true; // of two touches of the same button one counts
   const thisVisit = visit;
   const sessionId = getState().currentId ?? (await beginSession(agent, thisVisit));
-  if (sessionId === null || thisVisit !== visit) return;
-  await sendPrompt(agent, sessionId, text, author);
+  if (sessionId === null || thisVisit !== visit) return true;
+  return sendPrompt(agent, sessionId, text, author);
 }
 
 /** Null when the visit has ended meanwhile. */

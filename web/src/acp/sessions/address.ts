@@ -1,5 +1,5 @@
 /** The session in the address bar and in this browser's storage; the token of a login link leaves the address at once. */
-import { readStored, STORAGE, writeStored } from "../../browser-storage";
+import { readStored, removeStored, STORAGE, writeStored } from "../../browser-storage";
 
 /** The login token of `#token=…`; it is removed from the address bar and from the history. */
 export function takeToken(): string | null {
@@ -22,6 +22,13 @@ export function sessionOfHash(): string | null {
   } catch {
     return null;
   }
+}
+
+/** The session does not exist any more: neither the address nor the next visit leads to it. */
+export function forgetRemembered(sessionId: string): void {
+  if (sessionOfHash() === sessionId)
+    window.history.replaceState(null, "", window.location.pathname + window.location.search);
+  if (readStored(STORAGE.lastSession) === sessionId) removeStored(STORAGE.lastSession);
 }
 
 export function rememberSession(sessionId: string): void {

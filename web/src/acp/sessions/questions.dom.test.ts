@@ -120,3 +120,13 @@ it("uses the agent's clock where it is ahead or behind", () => {
   expect(left).toBeGreaterThan(28_000);
   expect(left).toBeLessThan(31_000);
 });
+
+it("is one of two under the same call, each of which gets its own answer", async () => {
+  const first = showQuestion(REQUEST, new AbortController().signal);
+  const second = showQuestion(REQUEST, new AbortController().signal);
+  getState().questions[0]?.answer({ outcome: { outcome: "selected", optionId: "reject_once" } });
+  await expect(first).resolves.toEqual({ outcome: { outcome: "selected", optionId: "reject_once" } });
+  getState().questions[0]?.answer({ outcome: { outcome: "selected", optionId: "allow_once" } });
+  await expect(second).resolves.toEqual({ outcome: { outcome: "selected", optionId: "allow_once" } });
+  expect(getState().questions).toEqual([]);
+});

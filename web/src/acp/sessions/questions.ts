@@ -48,9 +48,7 @@ export function showQuestion(
     const { sessionId, tool, input, title } = question;
     const calls = askedCalls.get(sessionId) ?? new Map<string, Call>();
     askedCalls.set(sessionId, calls.set(toolCallId, { tool, input, title }));
-    setState((state) => ({
-      questions: [...state.questions.filter((other) => !isAbout(other, question)), question],
-    }));
+    setState((state) => ({ questions: [...state.questions, question] }));
     if (withdrawn.aborted) answer(CANCELLED);
     else withdrawn.addEventListener("abort", () => answer(CANCELLED), { once: true });
   });

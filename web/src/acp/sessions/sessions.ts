@@ -11,16 +11,19 @@ import {
   type SessionNotification,
 } from "@agentclientprotocol/sdk";
 import i18next from "../../i18n";
-import { EMPTY, hasEnded, type Conversation } from "../../state/conversation/conversation";
+import { EMPTY, hasEnded, type Conversation, type UserItem } from "../../state/conversation/conversation";
 import {
   cancelRequested,
+  lostPrompts,
   promptEnded,
   promptFailed,
   promptSent,
   sessionOpened,
   sessionReducer,
+  withoutUnconfirmed,
 } from "../../state/conversation/reducer";
 import type { Setting } from "../../state/conversation/settings";
+import { canPrompt } from "../../state/rights";
 import { mergeFirstPage } from "../../state/session-list";
 import { getState, robotName, setState, toast, type State } from "../../state/store";
 import { atOf, decisionOf, META, takenOverBy } from "../../wire/meta";
@@ -28,7 +31,7 @@ import { METHODS } from "../../wire/methods";
 import { getAgent } from "../connection/agent";
 import { agentNow, syncClock } from "../connection/agent-clock";
 import { publish } from "../events/event-feed";
-import { rememberSession, sessionToOpen } from "./address";
+import { forgetRemembered, rememberSession, sessionToOpen } from "./address";
 import { applyDecision, closeQuestionsOf, forgetAskedCall, forgetAskedCalls } from "./questions";
 
 /** ACP wants a working directory; a robot's session has none. */
@@ -39,6 +42,18 @@ export const RECENT_SESSIONS = 10;
 
 /** The sessions that were on the screen, the newest last. */
 let recentSessionIds: string[] = [];
+
+/** The loads that are under way, by session. */
+const loads = new Map<string, { agent: ClientContext; done: Promise<void> }>();
+
+/** Set while a new session is being made. */
+let beginning: Promise<void> | null = null;
+
+/** Prompts whose connection was lost before their answer. The next load of the session shows whether the agent has them. */
+let doubtful: { sessionId: string; text: string; settle: (arrived: boolean) => void }[] = [];
+
+/** ACP's code for a resource that does not exist. Agents also use that for wrong parameters. */
+const GONE = [-32002, -32602];
 
 /** Does nothing for a session that the page has let go of: its updates can still be on their way. */
 function updateConversation(sessionId: string, update: (conversation: Conversation) => Conversation): void {
@@ -168,37 +183,85 @@ function markAsRecent(sessionId: string): void {
 
 /** Shows a session; false when it does not exist (any more). Throws when the connection breaks meanwhile. */
 export async function openSession(sessionId: string): Promise<boolean> {
-  const { attached, drafts } = getState();
-  setState({ currentId: sessionId, opening: !attached.has(sessionId) });
+  const { attached } = getState();
+  setState({ currentId: sessionId, opening: !attached.has(sessionId), notOpened: null });
   markAsRecent(sessionId);
   const agent = getAgent();
-  if (attached.has(sessionId) || sessionId in drafts || agent === null) return true;
+  if (attached.has(sessionId) || agent === null) return true;
   try {
     await loadSession(agent, sessionId);
     return true;
   } catch (error) {
-    if (!(error instanceof RequestError)) throw error;
-    toast("info", i18next.t("sessions.gone"));
-    setState((state) => ({
-      ...withoutSession(state, sessionId),
-      ...(state.currentId === sessionId ? { currentId: null, opening: false } : {}),
-    }));
-    return false;
+    if (error instanceof RequestError && GONE.includes(error.code)) {
+      toast("info", i18next.t("sessions.gone"));
+      forgetRemembered(sessionId);
+      setState((state) => ({
+        ...withoutSession(state, sessionId),
+        ...(state.currentId === sessionId ? { currentId: null, opening: false } : {}),
+      }));
+      return false;
+    }
+    const notOpened = error instanceof RequestError ? error.message : null;
+    setState((state) => (state.currentId === sessionId ? { opening: false, notOpened } : {}));
+    if (notOpened === null) throw error; // the connection broke; the next one opens the session again
+    return true;
   }
 }
 
-/** Replays a session and watches it from then on. Throws `RequestError` when the agent knows no such session. */
-export async function loadSession(agent: ClientContext, sessionId: string): Promise<void> {
-  setState((state) => ({ drafts: { ...state.drafts, [sessionId]: EMPTY } }));
+/**
+ * Replays a session, or what is new in it since the connection was lost, and watches it from then on. Throws
+ * `RequestError` when the agent knows no such session.
+ */
+export function loadSession(agent: ClientContext, sessionId: string): Promise<void> {
+  const underWay = loads.get(sessionId);
+  if (underWay?.agent === agent) return underWay.done;
+  const done = replay(agent, sessionId).finally(() => {
+    if (loads.get(sessionId)?.done === done) loads.delete(sessionId);
+  });
+  loads.set(sessionId, { agent, done });
+  return done;
+}
+
+async function replay(agent: ClientContext, sessionId: string): Promise<void> {
+  const { canResume, conversations } = getState();
+  const before = conversations[sessionId] ?? EMPTY;
+  const resumes = canResume && before.lastSeq > 0;
+  const draft = resumes ? withoutUnconfirmed(before) : EMPTY;
+  setState((state) => ({ drafts: { ...state.drafts, [sessionId]: draft } }));
+  const session = { sessionId, cwd: CWD, mcpServers: [] };
   try {
     addSession(
       sessionId,
-      await agent.request(methods.agent.session.load, { sessionId, cwd: CWD, mcpServers: [] }),
+      resumes
+        ? await agent.request(methods.agent.session.resume, {
+            ...session,
+            _meta: { [META.after]: before.lastSeq },
+          })
+        : await agent.request(methods.agent.session.load, session),
     );
   } catch (error) {
-    forgetDraft(sessionId);
+    if (getAgent() === agent) forgetDraft(sessionId);
     throw error;
   }
+  settleDoubts(sessionId, before);
+}
+
+/** The login ends: nobody waits for the fate of a prompt any more. */
+export function forgetPrompts(): void {
+  doubtful = [];
+}
+
+/** Tells those who sent a prompt before the connection was lost whether the agent has it. */
+function settleDoubts(sessionId: string, before: Conversation): void {
+  const after = getState().conversations[sessionId] ?? EMPTY;
+  const lost = lostPrompts(before, after).map(textOf);
+  const mine = doubtful.filter((prompt) => prompt.sessionId === sessionId);
+  doubtful = doubtful.filter((prompt) => prompt.sessionId !== sessionId);
+  for (const { text, settle } of mine) settle(!lost.includes(text));
+}
+
+function textOf({ blocks }: UserItem): string {
+  return blocks.map((block) => (block.type === "text" ? block.text : "")).join("");
 }
 
 /** Watches a session without showing it, so that its permission requests come here. */
@@ -234,8 +297,15 @@ function forgetDraft(sessionId: string): void {
   });
 }
 
-/** Begins a session, or stays in the current one while nothing has happened in it. */
-export async function newSession(): Promise<void> {
+/** Begins a session, or stays in the current one while nothing has happened in it. Two calls at a time begin one. */
+export function newSession(): Promise<void> {
+  beginning ??= beginSession().finally(() => {
+    beginning = null;
+  });
+  return beginning;
+}
+
+async function beginSession(): Promise<void> {
   const agent = getAgent();
   const { currentId, conversations, attached } = getState();
   if (agent === null) return;
@@ -243,7 +313,7 @@ export async function newSession(): Promise<void> {
   const answer = await agent.request(methods.agent.session.new, { cwd: CWD, mcpServers: [] });
   addSession(answer.sessionId, answer);
   if (getState().currentId !== currentId) return; // somebody has opened another session meanwhile
-  setState({ currentId: answer.sessionId, opening: false });
+  setState({ currentId: answer.sessionId, opening: false, notOpened: null });
   markAsRecent(answer.sessionId);
 }
 
@@ -260,6 +330,7 @@ export async function deleteSession(sessionId: string): Promise<void> {
   if (agent === null) return;
   await agent.request(methods.agent.session.delete, { sessionId });
   forgetAskedCalls(sessionId);
+  forgetRemembered(sessionId);
   setState((state) => {
     const { [sessionId]: _, ...conversations } = state.conversations;
     const attached = new Set(state.attached);
@@ -271,26 +342,41 @@ export async function deleteSession(sessionId: string): Promise<void> {
       ...(state.currentId === sessionId ? { currentId: null } : {}),
     };
   });
-  if (getState().currentId === null) await openFirstSession(true);
+  const { auth } = getState();
+  if (getState().currentId === null) await openFirstSession(auth.status === "in" && canPrompt(auth.me.role));
 }
 
-/** Sends a prompt in the session on the screen and returns when its turn is over. */
-export async function prompt(text: string, author: string): Promise<void> {
+/**
+ * Sends a prompt in the session on the screen and returns when its turn is over. False when the agent does not have it: the
+ * person is told, and the text is theirs again.
+ */
+export async function prompt(text: string, author: string): Promise<boolean> {
   const agent = getAgent();
   const sessionId = getState().currentId;
-  if (agent === null || sessionId === null) return;
-  setState((state) => ({ sessions: promptedFirst(state.sessions, sessionId, text) }));
-  await sendPrompt(agent, sessionId, text, author);
-  await listSessions().catch(() => undefined);
+  const arrived = agent !== null && sessionId !== null && (await promptIn(agent, sessionId, text, author));
+  if (!arrived) toast("warning", i18next.t("composer.notSent"));
+  return arrived;
 }
 
-/** Sends a prompt and returns when its turn is over. */
+async function promptIn(
+  agent: ClientContext,
+  sessionId: string,
+  text: string,
+  author: string,
+): Promise<boolean> {
+  setState((state) => ({ sessions: promptedFirst(state.sessions, sessionId, text) }));
+  const arrived = await sendPrompt(agent, sessionId, text, author);
+  await listSessions().catch(() => undefined);
+  return arrived;
+}
+
+/** Sends a prompt and returns when its turn is over. False when it was lost with the connection, known once there is another. */
 export async function sendPrompt(
   agent: ClientContext,
   sessionId: string,
   text: string,
   author: string,
-): Promise<void> {
+): Promise<boolean> {
   updateConversation(sessionId, (conversation) => promptSent(conversation, text, author, agentNow()));
   try {
     const answer = await agent.request(methods.agent.session.prompt, {
@@ -300,10 +386,13 @@ export async function sendPrompt(
     updateConversation(sessionId, (conversation) => promptEnded(conversation, answer.stopReason, agentNow()));
   } catch (error) {
     // A lost connection ends no turn: loading the session again shows whether it still runs.
-    if (!(error instanceof RequestError) || getAgent() !== agent) return;
+    if (!(error instanceof RequestError) || getAgent() !== agent) {
+      return new Promise((settle) => doubtful.push({ sessionId, text, settle }));
+    }
     updateConversation(sessionId, (conversation) => promptFailed(conversation, error.message));
   }
   closeQuestionsOf(sessionId);
+  return true;
 }
 
 /** The list with the session that was just prompted at its top. */

@@ -1,11 +1,13 @@
 /** The panel below the map with the turn, the plots and the log. Its content is loaded when it is first opened. */
 import { ChevronDown, ChevronUp } from "lucide-react";
-import { lazy, Suspense, useState } from "react";
+import { Suspense, useState } from "react";
 import { useTranslation } from "react-i18next";
 import { activityStorageKey, readStored, writeStored } from "../../browser-storage";
 import type { Layout } from "../../hooks/use-layout";
+import { chunk } from "../common/chunk";
+import { PaneBoundary } from "../common/pane-boundary";
 
-const ActivityBody = lazy(() => import("./activity-body"));
+const body = chunk(() => import("./activity-body"));
 
 /** `hidden` is for a phone, where the panel is a view of its own and cannot be folded. */
 export function ActivityPanel({ layout, hidden }: { layout: Layout; hidden: boolean }) {
@@ -37,9 +39,11 @@ export function ActivityPanel({ layout, hidden }: { layout: Layout; hidden: bool
       )}
       <div className="activity-body" id="activity-body" hidden={!shown}>
         {shown && (
-          <Suspense fallback={<p className="activity-wait muted small">{t("activity.loading")}</p>}>
-            <ActivityBody />
-          </Suspense>
+          <PaneBoundary name={t("activity.title")}>
+            <Suspense fallback={<p className="activity-wait muted small">{t("activity.loading")}</p>}>
+              <body.Component />
+            </Suspense>
+          </PaneBoundary>
         )}
       </div>
     </section>

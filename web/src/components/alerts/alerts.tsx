@@ -7,10 +7,13 @@ import { alerts, isBelowFloor, type AlertKind } from "../../state/alerts";
 import { robotName, setState, useStore, type HiddenAlerts } from "../../state/store";
 import { ConnectionBand, RobotBand, SilentBand } from "./connection-band";
 import { panes } from "../controls/panes";
-import { StopBand, StopFailed } from "./stop-band";
+import { PaneBoundary } from "../common/pane-boundary";
+import { StopFailed } from "../common/stop-failed";
+import { StopBand } from "./stop-band";
+import { visibleLine } from "../../wire/visible-text";
 
 const BANDS: Record<AlertKind, () => React.ReactNode> = {
-  "stop-failed": StopFailed,
+  "stop-failed": StopFailedBand,
   stopped: StopBand,
   cut: ConnectionBand,
   silent: SilentBand,
@@ -20,15 +23,24 @@ const BANDS: Record<AlertKind, () => React.ReactNode> = {
 };
 
 export function Alerts() {
+  const { t } = useTranslation();
   const kinds = useStore(useShallow(alerts));
   return (
     <div className="bands" data-testid="alerts">
       {kinds.map((kind) => {
         const Band = BANDS[kind];
-        return <Band key={kind} />;
+        return (
+          <PaneBoundary key={kind} name={t("toast.region")}>
+            <Band />
+          </PaneBoundary>
+        );
       })}
     </div>
   );
+}
+
+function StopFailedBand() {
+  return <StopFailed onDismiss={() => panes()?.focus()} />;
 }
 
 function HaltBand() {
@@ -42,7 +54,7 @@ function HaltBand() {
       <p>
         <strong>{t("alerts.halted", { robot, time: clock(halted.at) })}</strong>{" "}
         {/* The robot's own sentences are English. */}
-        <span lang="en">{halted.text}</span> {t("alerts.haltedNext")}
+        <span lang="en">{visibleLine(halted.text)}</span> {t("alerts.haltedNext")}
       </p>
       <Hide onClick={() => hide({ halted: halted.at })} />
     </section>

@@ -1,11 +1,11 @@
-/** Who stopped the robot, when, and what releases it, for as long as it is stopped; and, loudly, that Stop failed. */
-import { OctagonAlert, OctagonX, X } from "lucide-react";
+/** Who stopped the robot, when, and what releases it, for as long as it is stopped. */
+import { OctagonX } from "lucide-react";
 import { useState } from "react";
 import { useTranslation } from "react-i18next";
-import { releaseRobot, stopRobot } from "../../acp/connection/connection";
+import { releaseRobot } from "../../acp/connection/stop";
 import { clock } from "../../i18n/format";
 import { canRelease } from "../../state/rights";
-import { robotName, setState, useMe, useStore } from "../../state/store";
+import { robotName, useMe, useStore } from "../../state/store";
 import { Confirm } from "../controls/confirm";
 import { panes } from "../controls/panes";
 
@@ -57,33 +57,5 @@ function Release({ robot }: { robot: string }) {
         testId="release-confirm"
       />
     </>
-  );
-}
-
-export function StopFailed() {
-  const { t } = useTranslation();
-  const error = useStore((state) => state.stopError);
-  if (error === null) return null;
-  return (
-    <section className="band band-danger band-loud" data-testid="stop-failed" role="alert">
-      <OctagonAlert aria-hidden />
-      <p>
-        <strong lang={error === "" ? undefined : "en"}>{error === "" ? t("stop.noAnswer") : error}</strong>
-      </p>
-      <button type="button" className="button on-danger" onClick={() => void stopRobot()}>
-        {t("stop.again")}
-      </button>
-      <button
-        type="button"
-        className="icon-button"
-        aria-label={t("stop.dismiss")}
-        onClick={() => {
-          panes()?.focus();
-          setState({ stopError: null });
-        }}
-      >
-        <X aria-hidden />
-      </button>
-    </section>
   );
 }

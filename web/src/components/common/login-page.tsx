@@ -3,9 +3,11 @@ import { LogIn, RotateCw } from "lucide-react";
 import { useEffect, useState, type SubmitEvent } from "react";
 import { useTranslation } from "react-i18next";
 import { signInOnLoad, logIn } from "../../acp/connection/connection";
+import { Poll } from "../../acp/connection/poll";
 import { isKiosk } from "../../screen";
 import type { LoginProblem } from "../../state/store";
 import { Mark } from "./mark";
+import { StopFailed } from "./stop-failed";
 
 const RETRY_MS = 5000;
 
@@ -31,8 +33,9 @@ export function LoginPage({ problem }: { problem: LoginProblem }) {
   // A kiosk tries again by itself: a visitor cannot.
   useEffect(() => {
     if (!isKiosk || problem !== "unreachable") return;
-    const timer = setInterval(() => void signInOnLoad(), RETRY_MS);
-    return () => clearInterval(timer);
+    const attempts = new Poll(signInOnLoad, RETRY_MS);
+    attempts.now();
+    return () => attempts.end();
   }, [problem]);
 
   const submit = (event: SubmitEvent): void => {
@@ -44,6 +47,8 @@ export function LoginPage({ problem }: { problem: LoginProblem }) {
 
   return (
     <main className="centred">
+      {/* Whoever pressed Stop with a login that had just ended must learn that it did nothing. */}
+      <StopFailed />
       <form className="login" onSubmit={submit}>
         <div className="login-mark">
           <Mark />

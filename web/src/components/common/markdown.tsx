@@ -2,6 +2,7 @@
 import type { ReactNode } from "react";
 import ReactMarkdown, { type Components } from "react-markdown";
 import remarkGfm from "remark-gfm";
+import { visibleLine, visibleText } from "../../wire/visible-text";
 
 const PLUGINS = [remarkGfm];
 
@@ -10,6 +11,7 @@ const COMPONENTS: Components = {
     href !== undefined && /^(https?:|mailto:)/i.test(href) ? (
       <a href={href} target="_blank" rel="noopener noreferrer nofollow">
         {children}
+        <LinkTarget href={href} />
       </a>
     ) : (
       <span>{children}</span>
@@ -23,11 +25,26 @@ const COMPONENTS: Components = {
   ),
 };
 
+/** Where a link leads, whatever its words say. */
+function LinkTarget({ href }: { href: string }) {
+  const target = URL.canParse(href) ? new URL(href) : null;
+  const place = target?.protocol === "mailto:" ? decodedAddress(target) : (target?.host ?? href);
+  return <span className="link-host"> ({visibleLine(place)})</span>;
+}
+
+function decodedAddress({ pathname }: URL): string {
+  try {
+    return decodeURIComponent(pathname);
+  } catch {
+    return pathname;
+  }
+}
+
 export default function Markdown({ text }: { text: string }) {
   return (
     <div className="markdown" lang="">
       <ReactMarkdown remarkPlugins={PLUGINS} components={COMPONENTS} skipHtml>
-        {text}
+        {visibleText(text)}
       </ReactMarkdown>
     </div>
   );

@@ -81,3 +81,39 @@ it("stays as it is when the line was lost while the robot was heard", async () =
   tell({ silentSince: 7 }, { silentSince: null }, AWAY, { silentSince: 8 }, { link: { status: "online" } });
   expect(asked).not.toHaveBeenCalled();
 });
+
+it("has no part in this page, and is told the language and whether it is covered", async () => {
+  const frame = await shown();
+  expect(frame.getAttribute("sandbox")).toBe("allow-scripts");
+  const told = vi.fn();
+  Object.defineProperty(frame, "contentWindow", { value: { postMessage: told } });
+  document.documentElement.lang = "es";
+  const message = { type: "scene-frame", lang: "es", covered: false };
+  await waitFor(() => expect(told).toHaveBeenCalledWith(message, "*"));
+});
+
+it("is asked for once at a time, and given up after a while, when the bridge does not answer", async () => {
+  vi.useFakeTimers();
+  let open = 0;
+  let most = 0;
+  vi.stubGlobal(
+    "fetch",
+    (_path: string, { signal }: RequestInit) =>
+      new Promise((_resolve, reject) => {
+        most = Math.max(most, ++open);
+        signal?.addEventListener("abort", () => {
+          open--;
+          reject(new Error("aborted"));
+        });
+      }),
+  );
+  const { unmount } = render(<SceneFrame />);
+  await act(() => vi.advanceTimersByTimeAsync(5000));
+  expect(open).toBe(1);
+  await act(() => vi.advanceTimersByTimeAsync(55_000));
+  expect(screen.getByText("The map is not available right now.")).toBeDefined();
+  expect(most).toBe(1);
+  unmount();
+  expect(open).toBe(0);
+  vi.useRealTimers();
+});

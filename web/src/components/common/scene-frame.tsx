@@ -2,9 +2,12 @@
 import { MapPinOff } from "lucide-react";
 import { useEffect, useRef, useState, type RefObject } from "react";
 import { useTranslation } from "react-i18next";
+import { Poll } from "../../acp/connection/poll";
+import { servesScene } from "../../acp/connection/scene-probe";
 import { robotName, useStore } from "../../state/store";
 
 const ASK_AGAIN_MS = 5000;
+const TELL_AGAIN_MS = 200;
 
 /** `viewer`: the name with which this page moves the camera and picks; without one the map has no controls. */
 export function SceneFrame({ viewer }: { viewer?: string }) {
@@ -13,7 +16,11 @@ export function SceneFrame({ viewer }: { viewer?: string }) {
   const address = viewer === undefined ? "/scene/" : `/scene/${viewer}/`;
   const frame = useRef<HTMLIFrameElement>(null);
   const available = useSceneAvailable(address, frame);
-  if (available === true) return <iframe ref={frame} src={address} title={t("scene.frame", { robot })} />;
+  useTellFrame(frame, available === true);
+  // viser's page is foreign code: without an origin of its own it can reach neither this page nor its login.
+  if (available === true) {
+    return <iframe ref={frame} src={address} sandbox="allow-scripts" title={t("scene.frame", { robot })} />;
+  }
   return (
     <div className="scene-none">
       {available === false && (
@@ -37,39 +44,48 @@ function useSceneAvailable(address: string, frame: RefObject<HTMLIFrameElement |
     const opens = link.status === "off" || (link.status === "connecting" && link.first);
     return reachable && !opens;
   });
+  const isWanted = available !== true && isDue;
+  const probe = useRef<Poll | null>(null);
   useEffect(() => {
-    if (available === true || !isDue) return;
-    let ended = false;
-    const ask = async (): Promise<void> => {
-      const answer = await answers(address);
-      if (!ended) setAvailable(answer);
-    };
-    void ask();
-    const timer = setInterval(() => void ask(), ASK_AGAIN_MS);
+    const made = new Poll(async (signal) => {
+      const answer = await servesScene(address, signal);
+      if (signal.aborted) return;
+      if (answer) made.end();
+      // The same frame, so that the keyboard's focus stays in it.
+      if (answer && frame.current !== null) frame.current.src = address;
+      setAvailable(answer);
+    }, ASK_AGAIN_MS);
+    probe.current = made;
+    const endWatch = onReconnected(() => made.now());
     return () => {
-      ended = true;
-      clearInterval(timer);
+      endWatch();
+      made.end();
     };
-  }, [address, available, isDue]);
-  useEffect(
-    () =>
-      onReconnected(() => {
-        void answers(address).then((answer) => {
-          // The same frame, so that the keyboard's focus stays in it.
-          if (answer && frame.current !== null) frame.current.src = address;
-          setAvailable(answer);
-        });
-      }),
-    [address, frame],
-  );
+  }, [address, frame]);
+  useEffect(() => {
+    if (isWanted) probe.current?.start();
+    else probe.current?.end();
+  }, [address, isWanted]);
   return available;
 }
 
-async function answers(address: string): Promise<boolean> {
-  const answer = await fetch(address, { credentials: "same-origin" }).catch(() => null);
-  const type = answer?.headers.get("Content-Type") ?? "";
-  await answer?.body?.cancel().catch(() => undefined);
-  return answer?.ok === true && type.startsWith("text/html");
+/**
+ * Tells the map's page, which its sandbox keeps from looking, the language of this page and whether the map is covered.
+ * It is told again and again, since nothing reports either of them, nor when a reloaded map begins to listen.
+ */
+function useTellFrame(frame: RefObject<HTMLIFrameElement | null>, shown: boolean): void {
+  useEffect(() => {
+    if (!shown) return;
+    const seesCover = "checkVisibility" in Element.prototype; // browsers have it since 2024
+    const tell = (): void => {
+      if (frame.current === null) return;
+      const covered = seesCover && !frame.current.checkVisibility({ visibilityProperty: true });
+      const message = { type: "scene-frame", lang: document.documentElement.lang, covered };
+      frame.current.contentWindow?.postMessage(message, "*"); // its origin has no name, and this is no secret
+    };
+    const timer = setInterval(tell, TELL_AGAIN_MS);
+    return () => clearInterval(timer);
+  }, [frame, shown]);
 }
 
 /**

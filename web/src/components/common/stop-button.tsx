@@ -1,7 +1,7 @@
 /** Stop: one click, for everyone, on every screen, whatever the connection to the agent does. */
 import { OctagonX } from "lucide-react";
 import { useTranslation } from "react-i18next";
-import { stopRobot } from "../../acp/connection/connection";
+import { stopRobot } from "../../acp/connection/stop";
 import { useStore } from "../../state/store";
 
 export function StopButton() {

@@ -11,7 +11,7 @@ import { setAgent } from "../../acp/connection/agent";
 const focused = (): Element | null => document.activeElement;
 
 beforeEach(() => {
-  vi.stubGlobal("fetch", () => Promise.resolve(new Response("{}")));
+  vi.stubGlobal("fetch", () => Promise.resolve(Response.json({ stopped: null })));
   setAgent({ request: () => Promise.resolve({}) } as unknown as ClientContext);
   setState({
     ...INITIAL,

@@ -3,6 +3,7 @@ import { useTranslation } from "react-i18next";
 import { clock } from "../../i18n/format";
 import { argumentName } from "../../i18n/agent-terms";
 import { isRecord } from "../../wire/fields";
+import { visibleText } from "../../wire/visible-text";
 
 /** Records nested deeper than this are written on one line. */
 const MAX_DEPTH = 4;
@@ -19,7 +20,7 @@ function useText(): (value: unknown) => string {
     if (typeof value === "boolean") return t(value ? "tool.yes" : "tool.no");
     if (typeof value === "number")
       return isTime(value) ? clock(value) : String(Math.round(value * 1000) / 1000);
-    if (typeof value === "string") return value;
+    if (typeof value === "string") return visibleText(value);
     if (Array.isArray(value)) return value.length === 0 ? t("tool.nothing") : value.map(text).join(", ");
     if (isRecord(value)) {
       return Object.entries(value)

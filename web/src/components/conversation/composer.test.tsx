@@ -1,5 +1,5 @@
 /** The field sends when it should, says why when it cannot, and never loses what was written. */
-import { fireEvent, render, screen } from "@testing-library/react";
+import { fireEvent, render, screen, waitFor } from "@testing-library/react";
 import { beforeEach, describe, expect, it, vi } from "vitest";
 import * as sessions from "../../acp/sessions/sessions";
 import { EMPTY } from "../../state/conversation/conversation";
@@ -27,7 +27,7 @@ const running = { conversations: { s1: { ...EMPTY, turn: { id: "t1", cancelling:
 
 beforeEach(() => {
   useComposerText.setState({ text: "" });
-  vi.spyOn(sessions, "prompt").mockResolvedValue();
+  vi.spyOn(sessions, "prompt").mockResolvedValue(true);
   vi.spyOn(sessions, "cancelTurn").mockResolvedValue();
 });
 
@@ -38,6 +38,17 @@ describe("the field", () => {
     fireEvent.keyDown(field(), { key: "Enter" });
     expect(sessions.prompt).toHaveBeenCalledExactlyOnceWith("go to the kitchen", "Ana");
     expect(field().value).toBe("");
+  });
+
+  it("has the text again when it did not arrive, before what was written since", async () => {
+    let lose: (arrived: boolean) => void = () => undefined;
+    vi.mocked(sessions.prompt).mockReturnValue(new Promise((settle) => (lose = settle)));
+    show();
+    write("go to the kitchen");
+    fireEvent.keyDown(field(), { key: "Enter" });
+    write("and wait");
+    lose(false);
+    await waitFor(() => expect(field().value).toBe("go to the kitchen\nand wait"));
   });
 
   it("begins a new line with Shift and Enter, and does nothing on Escape", () => {

@@ -5,7 +5,7 @@ import { useTranslation } from "react-i18next";
 import { cancelTurn, prompt } from "../../acp/sessions/sessions";
 import { usePromptObstacle } from "../../hooks/use-prompt-obstacle";
 import { conversationOf, robotName, useMe, useStore } from "../../state/store";
-import { COMPOSER_ID, useComposerText } from "./composer-text";
+import { author, COMPOSER_ID, giveBackText, useComposerText } from "./composer-text";
 
 export function Composer() {
   const { t } = useTranslation();
@@ -27,7 +27,9 @@ export function Composer() {
   const send = (): void => {
     if (reason !== null || text.trim() === "") return;
     useComposerText.setState({ text: "" });
-    void prompt(text.trim(), me.name);
+    void prompt(text.trim(), me.name).then((arrived) => {
+      if (!arrived && author() === me.name) giveBackText(text.trim());
+    });
   };
   const onKeyDown = (event: KeyboardEvent): void => {
     if (event.key !== "Enter" || event.shiftKey || event.nativeEvent.isComposing) return;

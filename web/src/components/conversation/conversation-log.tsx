@@ -7,9 +7,12 @@ import { useStickToEnd } from "../../hooks/use-stick-to-end";
 import type { Item } from "../../state/conversation/conversation";
 import { canPrompt } from "../../state/rights";
 import { robotName, useMe, useStore } from "../../state/store";
+import { openSession } from "../../acp/sessions/sessions";
+import { SentenceWithQuote } from "../common/sentence-with-quote";
+import { Boundary } from "../common/boundary";
 import { AgentMessage, Note, Thought, UserMessage } from "./messages";
 import { PlanCard } from "./plan-card";
-import { setComposerText } from "./composer-text";
+import { CONVERSATION_ID, setComposerText } from "./composer-text";
 import { ToolCard } from "./tool-card";
 
 export function ConversationLog() {
@@ -17,6 +20,7 @@ export function ConversationLog() {
   const robot = useStore(robotName);
   const { items, dropped, turn, made } = useConversation();
   const opening = useStore((state) => state.opening && state.link.status === "online");
+  const notOpened = useStore((state) => state.notOpened);
   const { box, content, atEnd, toEnd } = useStickToEnd();
   const [seen, setSeen] = useState(made);
   const last = items.at(-1);
@@ -35,7 +39,7 @@ export function ConversationLog() {
     <div className="log-frame">
       <div
         className="log"
-        id="conversation"
+        id={CONVERSATION_ID}
         data-testid="conversation"
         role="log"
         aria-label={t("talk.title")}
@@ -48,10 +52,17 @@ export function ConversationLog() {
         ref={box}
       >
         <div className="log-content" ref={content}>
-          {items.length === 0 ? opening ? <Opening /> : <Empty /> : null}
+          {notOpened !== null ? <NotOpened /> : null}
+          {items.length === 0 && notOpened === null ? opening ? <Opening /> : <Empty /> : null}
           {dropped > 0 && <p className="muted earlier">{t("talk.earlier", { count: dropped })}</p>}
           {items.map((item) => (
-            <ItemView key={item.key} item={item} />
+            <Boundary
+              key={item.key}
+              resetKey={item}
+              fallback={() => <p className="note">{t("pane.entry")}</p>}
+            >
+              <ItemView item={item} />
+            </Boundary>
           ))}
           {turn !== null && last?.kind !== "agent" && !asked && !waitsForRobot && hasTelemetry && (
             <p className="working" aria-hidden="true">
@@ -95,6 +106,28 @@ function Opening() {
       {[56, 82, 70, 38].map((width) => (
         <span key={width} className="bone" style={{ width: `${width}%` }} />
       ))}
+    </div>
+  );
+}
+
+function NotOpened() {
+  const { t } = useTranslation();
+  const reason = useStore((state) => state.notOpened) ?? "";
+  const sessionId = useStore((state) => state.currentId);
+  return (
+    <div className="note note-failed" role="alert" data-testid="not-opened">
+      <p>
+        <SentenceWithQuote sentence={t("talk.notOpened", { reason })} quote={reason} lang="en" />
+      </p>
+      <button
+        type="button"
+        className="button"
+        onClick={() => {
+          if (sessionId !== null) openSession(sessionId).catch(() => undefined);
+        }}
+      >
+        {t("pane.again")}
+      </button>
     </div>
   );
 }

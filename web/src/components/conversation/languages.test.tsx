@@ -8,7 +8,7 @@ import { INITIAL, setState, toast, type Question } from "../../state/store";
 import { ConversationLog } from "./conversation-log";
 import { QuestionCard } from "../questions/question-card";
 import { SentenceWithQuote } from "../common/sentence-with-quote";
-import { StopFailed } from "../alerts/stop-band";
+import { StopFailed } from "../common/stop-failed";
 import { Toasts } from "../dashboard/toasts";
 
 const DRIVE: ToolItem = {
@@ -119,7 +119,7 @@ it("a question has what is to be said aloud in a language that nobody knows", ()
 });
 
 it("a refusal of the server is English, and the page's own sentence is not", () => {
-  setState({ stopError: "The robot does not answer." });
+  setState({ stopError: { kind: "told", sentence: "The robot does not answer." } });
   toast("warning", "No such session.", "en");
   toast("info", "Ya nadie lo tiene.");
   const { unmount } = render(
@@ -132,13 +132,13 @@ it("a refusal of the server is English, and the page's own sentence is not", () 
   expect(languageOf("No such session.")).toBe("en");
   expect(languageOf("Ya nadie lo tiene.")).toBe("es");
   unmount();
-  setState({ stopError: "" });
+  setState({ stopError: { kind: "noAnswer" } });
   render(<StopFailed />);
   expect(languageOf(i18next.t("stop.noAnswer"))).toBe("es");
 });
 
 it("marks the last mention, which is where a sentence has its values", () => {
   render(<SentenceWithQuote sentence="Decir: a" quote="a" />);
-  expect(screen.getByText("a").outerHTML).toBe('<span lang="">a</span>');
+  expect(screen.getByText("a").outerHTML).toBe('<bdi lang="">a</bdi>');
   expect(document.body.textContent).toBe("Decir: a");
 });

@@ -1,29 +1,34 @@
 /** Messages of people and of the agent, the agent's thoughts, and notes about the end of a turn. */
 import { Ban, ChevronRight, Hand, Info, Lightbulb, TriangleAlert } from "lucide-react";
 import { Collapsible } from "radix-ui";
-import { lazy, Suspense, useState } from "react";
+import { Suspense, useState } from "react";
 import { useTranslation } from "react-i18next";
 import type { ContentBlock } from "@agentclientprotocol/sdk";
 import type { AgentItem, NoteItem, UserItem } from "../../state/conversation/conversation";
 import { robotName, useMe, useStore } from "../../state/store";
+import { Boundary } from "../common/boundary";
+import { chunk } from "../common/chunk";
 import { Sound } from "../common/sound-player";
 import { SentenceWithQuote } from "../common/sentence-with-quote";
 import { Picture } from "./picture";
+import { visibleLine, visibleText } from "../../wire/visible-text";
 
-const Markdown = lazy(() => import("../common/markdown"));
+const markdown = chunk(() => import("../common/markdown"));
 
-/** Markdown is loaded in a chunk of its own; until then the text is shown unformatted. */
+/** Markdown is a chunk of its own; until it is loaded, and where it cannot be, the text is shown unformatted. */
 function Formatted({ text }: { text: string }) {
+  const online = useStore((state) => state.link.status === "online");
+  const plain = (
+    <p className="plain-text" lang="">
+      {visibleText(text)}
+    </p>
+  );
   return (
-    <Suspense
-      fallback={
-        <p className="plain-text" lang="">
-          {text}
-        </p>
-      }
-    >
-      <Markdown text={text} />
-    </Suspense>
+    <Boundary fallback={() => plain} resetKey={online}>
+      <Suspense fallback={plain}>
+        <markdown.Component text={text} />
+      </Suspense>
+    </Boundary>
   );
 }
 
@@ -32,7 +37,7 @@ export function UserMessage({ item }: { item: UserItem }) {
   const byOther = item.author !== null && item.author !== me.name;
   return (
     <article className="user-message" data-testid="user-message" data-other={byOther}>
-      {byOther && <p className="author">{item.author}</p>}
+      {byOther && <p className="author">{visibleLine(item.author ?? "")}</p>}
       {item.blocks.map((block, index) => (
         <Block key={index} block={block} title={item.author ?? ""} />
       ))}
@@ -58,7 +63,7 @@ function Block({ block, title }: { block: ContentBlock; title: string }) {
     case "text":
       return (
         <p className="plain-text" lang="">
-          {block.text}
+          {visibleText(block.text)}
         </p>
       );
     case "image":
@@ -83,7 +88,7 @@ export function Thought({ item }: { item: AgentItem }) {
         <span className="thought-label">{t("talk.thought")}</span>
         {!open && (
           <span className="thought-line" lang="">
-            {item.text}
+            {visibleLine(item.text)}
           </span>
         )}
       </Collapsible.Trigger>

@@ -1,9 +1,10 @@
 /** The agent's plan as a checklist. */
-import { Check, Circle, CircleDot, ListChecks } from "lucide-react";
+import { Check, Circle, CircleDot, CircleX, ListChecks } from "lucide-react";
 import { useTranslation } from "react-i18next";
 import type { PlanItem } from "../../state/conversation/conversation";
+import { visibleLine } from "../../wire/visible-text";
 
-const ICONS = { pending: Circle, in_progress: CircleDot, completed: Check } as const;
+const ICONS = { pending: Circle, in_progress: CircleDot, completed: Check, failed: CircleX } as const;
 
 export function PlanCard({ item }: { item: PlanItem }) {
   const { t } = useTranslation();
@@ -17,13 +18,14 @@ export function PlanCard({ item }: { item: PlanItem }) {
       </p>
       <ol>
         {item.entries.map((entry, index) => {
-          const Icon = ICONS[entry.status];
+          const status = item.over === true && entry.status !== "completed" ? "failed" : entry.status;
+          const Icon = ICONS[status];
           return (
-            <li key={index} data-status={entry.status}>
+            <li key={index} data-status={status}>
               <Icon aria-hidden />
               <span>
-                <span lang="">{entry.content}</span>{" "}
-                <span className="sr-only">({t(`plan.${entry.status}`)})</span>
+                <span lang="">{visibleLine(entry.content)}</span>{" "}
+                <span className="sr-only">({t(`plan.${status}`)})</span>
               </span>
             </li>
           );

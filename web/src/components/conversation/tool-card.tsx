@@ -26,6 +26,7 @@ import { SentenceWithQuote } from "../common/sentence-with-quote";
 import { WaitingForRobot } from "./waiting-for-robot";
 import { isRecord } from "../../wire/fields";
 import { Picture } from "./picture";
+import { visibleLine, visibleText } from "../../wire/visible-text";
 
 const ICONS: Record<Outcome, typeof Ban> = {
   pending: CircleDashed,
@@ -81,7 +82,7 @@ export function ToolCard({ item }: { item: ToolItem }) {
         {item.waiting === "robot" && <WaitingForRobot />}
         {summary.text !== "" && (
           <p className="tool-summary" lang={summary.lang}>
-            {summary.text}
+            {visibleText(summary.text)}
           </p>
         )}
         <Media item={item} />
@@ -123,7 +124,7 @@ function Progress({ item }: { item: ToolItem }) {
 function useLeft(item: ToolItem): string {
   const { t } = useTranslation();
   const motion = useStore((state) => state.telemetry?.motion ?? null);
-  const words = item.progress?.message ?? "";
+  const words = visibleLine(item.progress?.message ?? "");
   if (motion?.seconds == null) return words;
   const time = wholeSeconds(motion.seconds);
   if (item.tool === "rotate_in_place" && motion.kind === "rotate") return t("tool.left", { seconds: time });

@@ -1,5 +1,6 @@
 /** The dashboard: the arrangement of its parts on a wide window, a tablet and a phone. */
 import { useCallback, useEffect, useState } from "react";
+import { flushSync } from "react-dom";
 import { useTranslation } from "react-i18next";
 import { startDashboard } from "../../acp/screens/dashboard";
 import { recordSamples } from "../../acp/screens/record-samples";
@@ -7,6 +8,7 @@ import { useAttention } from "../../attention/use-attention";
 import { useLayout } from "../../hooks/use-layout";
 import { callText } from "../../i18n/agent-terms";
 import { robotName, useStore } from "../../state/store";
+import { Boundary } from "../common/boundary";
 import { Alerts } from "../alerts/alerts";
 import { ActivityPanel } from "../activity/activity-panel";
 import { Header } from "../header/header";
@@ -14,6 +16,7 @@ import { PANES_ID } from "../controls/panes";
 import { PhoneTabs, type Tab } from "./phone-tabs";
 import { ScenePane } from "../scene/scene-pane";
 import { SessionDrawer, SessionPane } from "../sessions/session-pane";
+import { CONVERSATION_ID } from "../conversation/composer-text";
 import { TalkPane } from "../conversation/talk-pane";
 import { Toasts } from "./toasts";
 import { focusQuestion } from "../questions/question-card";
@@ -40,7 +43,15 @@ export default function Dashboard() {
 
   return (
     <div className="app" data-layout={layout}>
-      <a className="skip" href="#conversation">
+      <a
+        className="skip"
+        href="#conversation"
+        onClick={(event) => {
+          event.preventDefault(); // the address names the session
+          flushSync(() => setTab("talk"));
+          document.getElementById(CONVERSATION_ID)?.focus();
+        }}
+      >
         {t("app.skip")}
       </a>
       <Header layout={layout} onMenu={() => setDrawer(true)} onQuestion={showQuestion} />
@@ -56,7 +67,9 @@ export default function Dashboard() {
       </main>
       {layout === "medium" && <SessionDrawer open={drawer} onOpenChange={setDrawer} />}
       {phone && <PhoneTabs tab={tab} onTab={setTab} />}
-      <Toasts />
+      <Boundary fallback={() => null}>
+        <Toasts />
+      </Boundary>
     </div>
   );
 }

@@ -3,6 +3,7 @@ import { X } from "lucide-react";
 import { Toast } from "radix-ui";
 import { useTranslation } from "react-i18next";
 import { setState, useStore } from "../../state/store";
+import { visibleLine } from "../../wire/visible-text";
 
 export function Toasts() {
   const { t } = useTranslation();
@@ -21,7 +22,7 @@ export function Toasts() {
             if (!open) dismiss(toast.id);
           }}
         >
-          <Toast.Description lang={toast.lang}>{toast.text}</Toast.Description>
+          <Toast.Description lang={toast.lang}>{visibleLine(toast.text)}</Toast.Description>
           <Toast.Close className="icon-button" aria-label={t("toast.close")}>
             <X aria-hidden />
           </Toast.Close>

@@ -23,15 +23,15 @@ import { useRobotState } from "../../hooks/use-robot-state";
 import { LANGUAGES } from "../../i18n";
 import { fixed, percent, speed } from "../../i18n/format";
 import { callText, untranslatedPart } from "../../i18n/agent-terms";
+import { batteryIsLow } from "../../state/alerts";
 import { robotName, useMe, useStore } from "../../state/store";
 import { Mark } from "../common/mark";
+import { PaneBoundary } from "../common/pane-boundary";
 import { PeopleMenu } from "./people-menu";
 import { SentenceWithQuote } from "../common/sentence-with-quote";
 import { SettingSelects } from "./setting-select";
 import { StopButton } from "../common/stop-button";
 import { setAndStoreLanguage } from "../../i18n/page-language";
-
-const LOW_BATTERY = 0.2;
 
 export function Header({
   layout,
@@ -46,26 +46,28 @@ export function Header({
   return (
     <header className="bar">
       <div className="bar-main">
-        {layout === "medium" && (
-          <button type="button" className="icon-button" aria-label={t("sessions.open")} onClick={onMenu}>
-            <Menu aria-hidden />
-          </button>
-        )}
-        {layout === "wide" && <Mark />}
-        <RobotState />
-        <div className="bar-numbers">
-          <Metrics />
-          <PeopleMenu />
-        </div>
-        <QuestionChip onClick={onQuestion} />
-        {layout === "wide" ? (
-          <div className="bar-settings">
-            <SettingSelects />
-            <MeMenu />
+        <PaneBoundary name={t("status.label")}>
+          {layout === "medium" && (
+            <button type="button" className="icon-button" aria-label={t("sessions.open")} onClick={onMenu}>
+              <Menu aria-hidden />
+            </button>
+          )}
+          {layout === "wide" && <Mark />}
+          <RobotState />
+          <div className="bar-numbers">
+            <Metrics />
+            <PeopleMenu />
           </div>
-        ) : (
-          <SettingsDialog />
-        )}
+          <QuestionChip onClick={onQuestion} />
+          {layout === "wide" ? (
+            <div className="bar-settings">
+              <SettingSelects />
+              <MeMenu />
+            </div>
+          ) : (
+            <SettingsDialog />
+          )}
+        </PaneBoundary>
       </div>
       <StopButton />
     </header>
@@ -98,12 +100,12 @@ function Metrics() {
   const battery = useStore((state) => state.telemetry?.battery ?? null);
   const charging = useStore((state) => state.telemetry?.charging ?? false);
   const linear = useStore((state) => state.telemetry?.linear ?? null);
-  const low = battery !== null && battery <= LOW_BATTERY && !charging;
+  const low = useStore((state) => batteryIsLow(state.telemetry));
   return (
     <ul className="metrics" aria-label={t("status.label")}>
       <Metric
         testId="status-battery"
-        icon={<BatteryIcon level={battery} charging={charging} />}
+        icon={<BatteryIcon level={battery} charging={charging} low={low} />}
         label={charging ? t("status.batteryCharging") : low ? t("status.batteryLow") : t("status.battery")}
         value={battery === null ? t("status.unknown") : percent(battery)}
         tone={low ? "danger" : undefined}
@@ -155,10 +157,10 @@ function Metric(props: {
   );
 }
 
-function BatteryIcon({ level, charging }: { level: number | null; charging: boolean }) {
+function BatteryIcon({ level, charging, low }: { level: number | null; charging: boolean; low: boolean }) {
   if (charging) return <BatteryCharging aria-hidden />;
-  if (level === null || level > 0.7) return <BatteryFull aria-hidden />;
-  return level > LOW_BATTERY ? <BatteryMedium aria-hidden /> : <BatteryLow aria-hidden />;
+  if (level === null || (level > 0.7 && !low)) return <BatteryFull aria-hidden />;
+  return low ? <BatteryLow aria-hidden /> : <BatteryMedium aria-hidden />;
 }
 
 /** The pending question in short; a click goes to the question itself. */

@@ -9,6 +9,7 @@ import { robotName, useMe, useStore } from "../../state/store";
 import { SentenceWithQuote } from "../common/sentence-with-quote";
 import { useTakeOver } from "../controls/use-take-over";
 import type { Role } from "../../wire/bridge";
+import { visibleLine } from "../../wire/visible-text";
 
 /** The chip. For those to whom the agent does not report who is connected, it shows only who controls the robot, without a menu. */
 export function PeopleMenu() {
@@ -90,7 +91,7 @@ function Holder() {
         {holder === me.name ? t("status.heldByYou") : t("status.heldBy", { name: holder })}
       </span>
       <span className="metric-value holder-short" aria-hidden="true">
-        {holder}
+        {visibleLine(holder)}
       </span>
     </span>
   );
@@ -142,8 +143,8 @@ function Row({ person }: { person: ListedPerson }) {
       <Icon aria-hidden className="person-icon" />
       <div className="person-text">
         <p className="person-name">
-          <span className="person-own-name" title={person.name}>
-            {person.name}
+          <span className="person-own-name" title={visibleLine(person.name)}>
+            {visibleLine(person.name)}
           </span>
           {person.you && <span className="muted">({t("people.you")})</span>}
           {person.holding !== null && (
@@ -172,7 +173,7 @@ function Watching({ sessions }: { sessions: string[] }) {
   if (first === undefined) return null;
   const count = sessions.length - 1;
   return (
-    <p className="person-facts person-watching" title={title ?? undefined}>
+    <p className="person-facts person-watching" title={title === null ? undefined : visibleLine(title)}>
       {title === null ? (
         t("people.watches", { count: sessions.length })
       ) : (

@@ -65,6 +65,28 @@ describe("the question", () => {
     expect(document.activeElement).toBe(screen.getByTestId("permission-reject"));
   });
 
+  it("gives the focus to the field when it goes, and on a touch screen to the conversation", () => {
+    const beside = document.createElement("div");
+    beside.innerHTML = '<div id="conversation" tabindex="0"></div><textarea id="composer"></textarea>';
+    document.body.append(beside);
+    cleanup();
+    expect(document.activeElement?.id).toBe("composer");
+    (document.activeElement as HTMLElement).blur();
+    vi.spyOn(window, "matchMedia").mockReturnValue({ matches: true } as MediaQueryList);
+    render(<QuestionCard question={QUESTION} count={1} />);
+    expect(document.activeElement).toBe(screen.getByTestId("permission-reject"));
+    cleanup();
+    expect(document.activeElement?.id).toBe("conversation");
+    beside.remove();
+  });
+
+  it("leaves the focus alone where it was elsewhere", () => {
+    screen.getByTestId("permission-allow");
+    (document.activeElement as HTMLElement).blur();
+    cleanup();
+    expect(document.activeElement).toBe(document.body);
+  });
+
   it("cannot be allowed in its first moment", () => {
     const allow = screen.getByTestId("permission-allow");
     later(350);

@@ -4,7 +4,7 @@
  * that was meant for something else reaches it.
  */
 import { BellRing, Route, ShieldQuestion, Volume2, VolumeX } from "lucide-react";
-import { useEffect, useId, useState, type MouseEvent } from "react";
+import { useEffect, useId, useLayoutEffect, useRef, useState, type MouseEvent } from "react";
 import { useTranslation } from "react-i18next";
 import type { PermissionOption } from "@agentclientprotocol/sdk";
 import { requestNotificationPermission, useNotificationPermission } from "../../attention/notification";
@@ -19,7 +19,7 @@ import { remainingArguments } from "../../state/conversation/remaining-arguments
 import { DataView } from "../controls/data-view";
 import { SentenceWithQuote } from "../common/sentence-with-quote";
 import { CheckboxField } from "../controls/checkbox-field";
-import { COMPOSER_ID, useComposerText } from "../conversation/composer-text";
+import { COMPOSER_ID, focusConversation, useComposerText } from "../conversation/composer-text";
 
 /** For so long after the question appears, or the window comes to the front, Allow does nothing. */
 const GUARD_MS = 400;
@@ -75,6 +75,7 @@ export function QuestionCard({ question, count }: { question: Question; count: n
   const inFrontSince = useInFrontSince();
   const title = callText(question);
   const subject = question.subject ?? title;
+  const card = useRef<HTMLElement>(null);
   const ids = { title: useId(), text: useId(), what: useId() };
   const always = pick(question.options, true);
   const chosen = pick(question.options, every);
@@ -91,11 +92,18 @@ export function QuestionCard({ question, count }: { question: Question; count: n
     return () => clearTimeout(timer);
   }, []);
 
+  // However the question goes, answered or withdrawn: the focus must not fall back to the top of the page.
+  useLayoutEffect(() => {
+    const shown = card.current;
+    return () => {
+      if (shown?.contains(document.activeElement) === true) focusConversation();
+    };
+  }, []);
+
   const answer = (option: PermissionOption | undefined): void => {
     question.answer({
       outcome: option ? { outcome: "selected", optionId: option.optionId } : { outcome: "cancelled" },
     });
-    document.getElementById(COMPOSER_ID)?.focus();
   };
   const isTooSoon = (): boolean => performance.now() - inFrontSince.current < GUARD_MS;
   const allow = (event: MouseEvent): void => {
@@ -111,6 +119,7 @@ export function QuestionCard({ question, count }: { question: Question; count: n
 
   return (
     <section
+      ref={card}
       className="question"
       role="alertdialog"
       aria-modal="false"

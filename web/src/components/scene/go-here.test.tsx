@@ -30,7 +30,7 @@ const list = (): HTMLSelectElement => screen.getByTestId("go-here-place");
 beforeEach(() => {
   vi.stubGlobal("matchMedia", () => ({ matches: false }));
   vi.clearAllMocks();
-  vi.spyOn(sessions, "prompt").mockResolvedValue();
+  vi.spyOn(sessions, "prompt").mockResolvedValue(true);
 });
 
 it("says what to do, and goes nowhere before somebody has chosen", () => {

@@ -4,8 +4,10 @@ import { useTranslation } from "react-i18next";
 import { degrees, fixed, metres, percent, wholeSeconds, speed } from "../../i18n/format";
 import { useRobotState } from "../../hooks/use-robot-state";
 import { robotName, useStore } from "../../state/store";
+import { PaneBoundary } from "../common/pane-boundary";
 import { SentenceWithQuote } from "../common/sentence-with-quote";
 import { SceneView } from "./scene-view";
+import { visibleLine } from "../../wire/visible-text";
 
 /** `lazy`: the map costs power and data, so a phone loads it when its pane is first opened, and keeps it then. */
 export function ScenePane({ hidden, lazy }: { hidden: boolean; lazy: boolean }) {
@@ -14,8 +16,12 @@ export function ScenePane({ hidden, lazy }: { hidden: boolean; lazy: boolean }) 
   if (!hidden && !wanted) setWanted(true);
   return (
     <section className="pane scene" aria-label={t("scene.title")} data-hidden={hidden} inert={hidden}>
-      {wanted ? <SceneView shown={!hidden} alone={lazy} /> : <div className="scene-view" />}
-      <StatusList />
+      <PaneBoundary name={t("scene.title")}>
+        {wanted ? <SceneView shown={!hidden} alone={lazy} /> : <div className="scene-view" />}
+      </PaneBoundary>
+      <PaneBoundary name={t("status.label")}>
+        <StatusList />
+      </PaneBoundary>
     </section>
   );
 }
@@ -38,7 +44,7 @@ function StatusList() {
           <span className="muted">{t("scene.noGoal")}</span>
         ) : (
           <>
-            {motion.place ??
+            {(motion.place && visibleLine(motion.place)) ??
               (motion.goal && t("scene.point", { x: fixed(motion.goal.x, 1), y: fixed(motion.goal.y, 1) }))}
             {motion.distance !== null && motion.seconds !== null && (
               <span className="muted">

@@ -11,6 +11,7 @@ import { GoHere } from "./go-here";
 import { SceneFrame } from "../common/scene-frame";
 import { SceneBar } from "./scene-bar";
 import type { PickedPoint } from "../../wire/scene";
+import { visibleLine } from "../../wire/visible-text";
 
 /** `alone`: the conversation is not on the screen, as on a phone. */
 export function SceneView({ shown, alone }: { shown: boolean; alone: boolean }) {
@@ -61,7 +62,11 @@ export function SceneView({ shown, alone }: { shown: boolean; alone: boolean }) 
             <GoHere
               destination={destination}
               refused={
-                refused !== null ? <span lang="en">{refused}</span> : view === null ? t("goHere.noMap") : null
+                refused !== null ? (
+                  <span lang="en">{visibleLine(refused)}</span>
+                ) : view === null ? (
+                  t("goHere.noMap")
+                ) : null
               }
               onDestination={setDestination}
               onDone={finishGoHere}

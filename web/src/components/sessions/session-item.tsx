@@ -8,6 +8,7 @@ import { canPrompt } from "../../state/rights";
 import { mayDelete, isWorking } from "../../state/session-list";
 import { useMe, useStore } from "../../state/store";
 import { ownerOf } from "../../wire/meta";
+import { visibleLine } from "../../wire/visible-text";
 
 export function SessionItem(props: {
   session: SessionInfo;
@@ -30,8 +31,9 @@ export function SessionItem(props: {
       state.telemetry?.turn?.sessionId ?? null,
     ),
   );
-  const title = session.title ?? t("sessions.untitled");
+  const title = visibleLine(session.title ?? t("sessions.untitled"));
   const owner = ownerOf(session._meta);
+  const ownerText = visibleLine(owner ?? "");
   const Icon = hasQuestion ? CircleHelp : works ? LoaderCircle : MessageSquare;
   const choose = (): void => {
     openSession(session.sessionId).catch(() => undefined);
@@ -54,8 +56,8 @@ export function SessionItem(props: {
         <span className="session-sub">
           {/* A visitor sees only their own sessions. */}
           {owner !== null && me.role !== "visitor" && (
-            <span className="session-owner" title={owner}>
-              {owner === me.name ? t("people.you") : owner}
+            <span className="session-owner" title={ownerText}>
+              {owner === me.name ? t("people.you") : ownerText}
             </span>
           )}
           {hasQuestion || works ? (

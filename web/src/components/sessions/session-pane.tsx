@@ -12,6 +12,7 @@ import { canPrompt } from "../../state/rights";
 import { matchesSearch, searchWords } from "../../state/session-list";
 import { toast, useMe, useStore } from "../../state/store";
 import { Confirm } from "../controls/confirm";
+import { PaneBoundary } from "../common/pane-boundary";
 import { SentenceWithQuote } from "../common/sentence-with-quote";
 import { SessionItem } from "./session-item";
 import { SessionSearch } from "./session-search";
@@ -20,7 +21,9 @@ export function SessionPane({ onChosen }: { onChosen: () => void }) {
   const { t } = useTranslation();
   return (
     <nav className="pane sessions" aria-label={t("sessions.title")}>
-      <SessionList onChosen={onChosen} />
+      <PaneBoundary name={t("sessions.title")}>
+        <SessionList onChosen={onChosen} />
+      </PaneBoundary>
     </nav>
   );
 }
@@ -38,7 +41,9 @@ export function SessionDrawer(props: { open: boolean; onOpenChange: (open: boole
               <X aria-hidden />
             </Dialog.Close>
           </div>
-          <SessionList onChosen={() => props.onOpenChange(false)} />
+          <PaneBoundary name={t("sessions.title")}>
+            <SessionList onChosen={() => props.onOpenChange(false)} />
+          </PaneBoundary>
         </Dialog.Content>
       </Dialog.Portal>
     </Dialog.Root>

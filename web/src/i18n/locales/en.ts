@@ -5,8 +5,18 @@ const en = {
     checking: "One moment …",
     skip: "Skip to the conversation",
     crashed: "Something on this screen went wrong.",
-    crashedText: "The robot is not affected, and Stop works. Load the screen again to go on.",
+    notLoaded: "This screen could not be loaded.",
+    crashedText: "The robot goes on as before. Stop is below. Load the screen again to go on.",
+    noServer: "The robot's server does not answer. Try again in a moment.",
     reload: "Load again",
+  },
+  pane: {
+    failed: "Something in this part of the screen went wrong: {{name}}.",
+    notLoaded: "This part of the screen could not be loaded: {{name}}.",
+    outdated: "There is a newer version of this page. Load it to see this part: {{name}}.",
+    again: "Try again",
+    load: "Load the newer version",
+    entry: "This entry cannot be shown.",
   },
   title: {
     plain: "{{robot}} · robot-acp",
@@ -70,6 +80,9 @@ const en = {
     label: "Stop the robot",
     noAnswer:
       "Stop did not get through: the robot's server does not answer. Use the stop button on the robot.",
+    foreign:
+      "Stop did not get through: something else answered in place of the robot's server. Use the stop button on the robot.",
+    refused: "Stop was not accepted. Use the stop button on the robot. {{reason}}",
     again: "Stop again",
     dismiss: "Hide this",
     stoppedBy: "Stopped by {{name}} at {{time}}.",
@@ -160,6 +173,7 @@ const en = {
   talk: {
     title: "Conversation",
     loading: "Opening the session …",
+    notOpened: "This session could not be opened: {{reason}}",
     newMessages: "New messages",
     toEnd: "To the newest",
     emptyTitle: "What should {{robot}} do?",
@@ -184,7 +198,7 @@ const en = {
     photo: "Take a photo",
     battery: "How full is your battery?",
   },
-  plan: { pending: "to do", in_progress: "under way", completed: "done" },
+  plan: { pending: "to do", in_progress: "under way", completed: "done", failed: "not done" },
   tool: {
     pending: "waiting",
     asking: "waiting for an answer",
@@ -308,6 +322,7 @@ const en = {
     untitled: "Go on with the next step",
   },
   composer: {
+    name: "Field to write in",
     label: "Message to {{robot}}",
     placeholder: "Ask {{robot}} …",
     send: "Send",
@@ -317,6 +332,8 @@ const en = {
     viewer: "You watch as a viewer. An operator or a supervisor can ask {{robot}} for something.",
     disconnected: "Not connected. Your text stays here until the connection is back.",
     opening: "Opening the session …",
+    notOpened: "This session could not be opened. Try again, or choose another one.",
+    notSent: "That was not sent: the connection was lost. Send it again.",
     running: "{{robot}} is at work. You can send this when it has finished.",
   },
   scene: {
@@ -354,6 +371,7 @@ const en = {
     viewer: "You may only watch.",
     disconnected: "Not connected. You can ask as soon as the connection is back.",
     opening: "No session is open yet. You can ask as soon as one is.",
+    notOpened: "This session could not be opened. Choose another one.",
     running: "{{robot}} is at work in this session. You can ask when it has finished.",
   },
   camera: {
@@ -368,6 +386,7 @@ const en = {
     close: "Close the camera",
   },
   kiosk: {
+    talk: "Conversation",
     title: "{{robot}} · at your service",
     hello: "Hello, I am {{robot}}.",
     whatNow: "What can I do for you? Touch something, or write to me.",
@@ -398,6 +417,7 @@ const en = {
     stay: "I am still here",
     answer: "Answer of {{robot}}",
     done: "Done.",
+    notDone: "That did not work.",
     notBegun: "I could not begin. Try again in a moment.",
     failed: "That was not possible: {{reason}}",
     cancelled: "All right, I leave it.",

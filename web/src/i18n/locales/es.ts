@@ -7,9 +7,19 @@ const es = {
     checking: "Un momento…",
     skip: "Ir a la conversación",
     crashed: "Algo ha fallado en esta pantalla.",
+    notLoaded: "No se ha podido cargar esta pantalla.",
     crashedText:
-      "Al robot no le afecta y el botón Parar sigue funcionando. Vuelva a cargar la pantalla para seguir.",
+      "El robot sigue como antes. El botón Parar está abajo. Vuelva a cargar la pantalla para seguir.",
+    noServer: "El servidor del robot no responde. Vuelva a intentarlo en un momento.",
     reload: "Volver a cargar",
+  },
+  pane: {
+    failed: "Algo ha fallado en esta parte de la pantalla: {{name}}.",
+    notLoaded: "No se ha podido cargar esta parte de la pantalla: {{name}}.",
+    outdated: "Hay una versión más nueva de esta página. Cárguela para ver esta parte: {{name}}.",
+    again: "Intentar otra vez",
+    load: "Cargar la versión nueva",
+    entry: "Esta entrada no se puede mostrar.",
   },
   title: {
     plain: "{{robot}} · robot-acp",
@@ -78,6 +88,9 @@ const es = {
     label: "Parar el robot",
     noAnswer:
       "La orden de parar no ha llegado: el servidor del robot no responde. Use el botón de parada del robot.",
+    foreign:
+      "La orden de parar no ha llegado: ha respondido otra cosa en lugar del servidor del robot. Use el botón de parada del robot.",
+    refused: "La orden de parar no se ha aceptado. Use el botón de parada del robot. {{reason}}",
     again: "Parar otra vez",
     dismiss: "Ocultar esto",
     stoppedBy: "Detenido por {{name}} ({{time}}).",
@@ -170,6 +183,7 @@ const es = {
   talk: {
     title: "Conversación",
     loading: "Abriendo la sesión…",
+    notOpened: "No se ha podido abrir esta sesión: {{reason}}",
     newMessages: "Mensajes nuevos",
     toEnd: "Ir a lo más reciente",
     emptyTitle: "¿Qué debe hacer {{robot}}?",
@@ -194,7 +208,7 @@ const es = {
     photo: "Tome una foto",
     battery: "¿Cuánta batería le queda?",
   },
-  plan: { pending: "por hacer", in_progress: "en curso", completed: "hecho" },
+  plan: { pending: "por hacer", in_progress: "en curso", completed: "hecho", failed: "sin hacer" },
   tool: {
     pending: "en espera",
     asking: "espera una respuesta",
@@ -322,6 +336,7 @@ const es = {
     untitled: "Seguir con el paso siguiente",
   },
   composer: {
+    name: "Campo para escribir",
     label: "Mensaje para {{robot}}",
     placeholder: "Pida algo a {{robot}}…",
     send: "Enviar",
@@ -331,6 +346,8 @@ const es = {
     viewer: "Usted observa. Un operador o un supervisor puede pedir algo a {{robot}}.",
     disconnected: "Sin conexión. Su texto se queda aquí hasta que vuelva la conexión.",
     opening: "Abriendo la sesión…",
+    notOpened: "No se ha podido abrir esta sesión. Vuelva a intentarlo o elija otra.",
+    notSent: "No se ha enviado: se perdió la conexión. Envíelo otra vez.",
     running: "{{robot}} está trabajando. Podrá enviar esto cuando termine.",
   },
   scene: {
@@ -374,6 +391,7 @@ const es = {
     viewer: "Usted solo puede mirar.",
     disconnected: "Sin conexión. Podrá pedirlo en cuanto vuelva la conexión.",
     opening: "Aún no hay ninguna sesión abierta. Podrá pedirlo en cuanto la haya.",
+    notOpened: "No se ha podido abrir esta sesión. Elija otra.",
     running: "{{robot}} está trabajando en esta sesión. Podrá pedirlo cuando termine.",
   },
   camera: {
@@ -388,6 +406,7 @@ const es = {
     close: "Cerrar la cámara",
   },
   kiosk: {
+    talk: "Conversación",
     title: "{{robot}} · a su servicio",
     hello: "Hola, soy {{robot}}.",
     whatNow: "¿Qué puedo hacer por usted? Toque algo, o escríbame.",
@@ -418,6 +437,7 @@ const es = {
     stay: "Sigo aquí",
     answer: "Respuesta de {{robot}}",
     done: "Hecho.",
+    notDone: "Eso no ha funcionado.",
     notBegun: "No he podido empezar. Inténtelo otra vez en un momento.",
     failed: "No ha sido posible: {{reason}}",
     cancelled: "De acuerdo, lo dejo.",

@@ -12,6 +12,7 @@ import { exchange, untranslatedIn } from "./robot-activity";
 import { answerOf, pictures, sounds, textOf, thoughtOf } from "./exchange";
 import { useRobotActivity, useActivityDetail, useActivityText } from "./use-robot-activity";
 import { safeType } from "../../components/common/media-type";
+import { visibleLine, visibleText } from "../../wire/visible-text";
 
 export function Answer() {
   const { t } = useTranslation();
@@ -26,7 +27,7 @@ export function Answer() {
         {asked !== "" && (
           <q>
             {/* The quotation marks around it are in the page's language. */}
-            <span lang="">{asked}</span>
+            <span lang="">{visibleLine(asked)}</span>
           </q>
         )}
       </p>
@@ -60,7 +61,7 @@ function Status({ items }: { items: Item[] }) {
         )}
         {thought !== "" && (
           <p className="kiosk-detail kiosk-thought" lang="">
-            {thought}
+            {visibleText(thought)}
           </p>
         )}
         {turn !== null && (
@@ -113,7 +114,12 @@ function End({ items, silent }: { items: Item[]; silent: boolean }) {
   const error = note?.error ?? null;
   const words =
     note === undefined
-      ? silent && t("kiosk.done")
+      ? silent &&
+        t(
+          items.findLast((item) => item.kind === "tool")?.status === "failed"
+            ? "kiosk.notDone"
+            : "kiosk.done",
+        )
       : note.takenBy !== undefined
         ? t("people.kioskTaken")
         : error !== null

@@ -1,6 +1,6 @@
 /** The field for a request, and a microphone where the kiosk may use one. */
 import { Mic, SendHorizontal } from "lucide-react";
-import type { SubmitEvent } from "react";
+import { useEffect, type SubmitEvent } from "react";
 import { useTranslation } from "react-i18next";
 import { robotName, useStore } from "../../state/store";
 import { useVoice } from "./use-voice";
@@ -18,11 +18,17 @@ export function AskBar(props: {
   const robot = useStore(robotName);
   const online = useStore((state) => state.link.status === "online");
   const voice = useVoice(props.voice, i18n.language, props.onText);
+  const { stop } = voice;
+  useEffect(() => {
+    if (props.running) stop();
+  }, [props.running, stop]);
   const empty = props.text.trim() === "";
   if (props.running) return null;
   const submit = (event: SubmitEvent): void => {
     event.preventDefault();
-    if (!empty && online) props.onSend();
+    if (empty || !online) return;
+    stop();
+    props.onSend();
   };
   return (
     <form className="kiosk-field" onSubmit={submit}>

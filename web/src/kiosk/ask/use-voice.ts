@@ -29,6 +29,8 @@ export interface Voice {
   /** The last recording ended without a word. */
   missed: boolean;
   toggle: () => void;
+  /** Ends a recording; what it still hears is dropped. */
+  stop: () => void;
 }
 
 /** `onText` receives the text so far, and is called again while somebody speaks. */
@@ -38,20 +40,29 @@ export function useVoice(allowed: boolean, language: string, onText: (text: stri
   const [listening, setListening] = useState(false);
   const [missed, setMissed] = useState(false);
 
-  useEffect(() => () => current.current?.abort(), []);
+  const stop = useCallback(() => {
+    const recognition = current.current;
+    current.current = null;
+    setListening(false);
+    recognition?.abort();
+  }, []);
+  useEffect(() => stop, [stop]);
 
   const toggle = useCallback(() => {
     if (current.current !== null) {
-      current.current.abort();
+      stop();
       return;
     }
     const Class = recognitionClass();
     if (!possible || Class === null) return;
     const recognition = new Class();
+    // What a recording still hears after its end belongs to nobody's request.
+    const isCurrent = (): boolean => current.current === recognition;
     let heard = false;
     recognition.lang = language;
     recognition.interimResults = true;
     recognition.addEventListener("result", (event) => {
+      if (!isCurrent()) return;
       const { results } = event as ResultEvent;
       const text = Array.from(results, (result) => result[0]?.transcript ?? "").join(" ");
       heard = text.trim() !== "";
@@ -59,6 +70,7 @@ export function useVoice(allowed: boolean, language: string, onText: (text: stri
     });
     // Comes at every end, also after an error.
     recognition.addEventListener("end", () => {
+      if (!isCurrent()) return;
       current.current = null;
       setListening(false);
       setMissed(!heard);
@@ -67,7 +79,7 @@ export function useVoice(allowed: boolean, language: string, onText: (text: stri
     setMissed(false);
     setListening(true);
     recognition.start();
-  }, [possible, language, onText]);
+  }, [possible, language, onText, stop]);
 
-  return { possible, listening, missed, toggle };
+  return { possible, listening, missed, toggle, stop };
 }

@@ -22,6 +22,8 @@ export interface UserItem {
   author: string | null;
   turnId: string | null;
   blocks: ContentBlock[];
+  /** True for a prompt of the person here as long as nothing shows that the agent has it. */
+  unconfirmed?: boolean;
 }
 
 /** What the agent thinks or says: text that grows, and pictures, sounds and links. */
@@ -37,6 +39,8 @@ export interface PlanItem {
   kind: "plan";
   key: string;
   entries: PlanEntry[];
+  /** True once its turn has ended: a step that is not completed by then has failed or was not reached. */
+  over?: boolean;
 }
 
 export interface ToolItem {

@@ -48,7 +48,9 @@ export function sessionReducer(state: Conversation, { update, _meta }: SessionNo
   if (seq !== null && seq <= state.lastSeq) return state;
   const at = atOf(_meta);
   const timeline = at === null ? state.timeline : timelineReducer(state.timeline, update, at);
-  return { ...apply(state, update), timeline, lastSeq: seq ?? state.lastSeq };
+  // Only the prompts that were sent from here do not come back, so a gap in the numbers is such a prompt.
+  const known = seq !== null && seq > state.lastSeq + 1 ? confirmed(state) : state;
+  return { ...apply(known, update), timeline, lastSeq: seq ?? state.lastSeq };
 }
 
 function apply(state: Conversation, update: SessionUpdate): Conversation {
@@ -219,10 +221,16 @@ function sessionInfo(state: Conversation, update: Update<"session_info_update">)
 
 /** Ends the turn. A normal end gets no note, and neither does a take-over, which has its own. */
 function endTurn(state: Conversation, stopReason: string): Conversation {
-  const over: Conversation = { ...state, turn: null };
+  const over: Conversation = { ...withPlanOver(state), turn: null };
   const last = state.items.at(-1);
   if (stopReason === "end_turn" || (last?.kind === "note" && last.takenBy !== undefined)) return over;
   return add<NoteItem>(over, { kind: "note", stopReason, error: null });
+}
+
+function withPlanOver(state: Conversation): Conversation {
+  const index = state.items.findLastIndex(({ kind }) => kind === "plan" || kind === "user");
+  const plan = state.items[index];
+  return plan?.kind === "plan" ? replaceAt(state, index, { ...plan, over: true }) : state;
 }
 
 /** The person here sent a prompt, at `at` in Unix seconds. The agent does not send it back to this connection. */
@@ -234,18 +242,59 @@ export function promptSent(
 ): Conversation {
   const timeline = at === null ? state.timeline : startTimeline(at, null);
   const running: Conversation = { ...state, turn: { id: null, cancelling: false }, timeline };
-  return add<UserItem>(running, { kind: "user", author, turnId: null, blocks: [{ type: "text", text }] });
+  const blocks: ContentBlock[] = [{ type: "text", text }];
+  return add<UserItem>(running, { kind: "user", author, turnId: null, blocks, unconfirmed: true });
+}
+
+const isUnconfirmed = (item: Item): item is UserItem => item.kind === "user" && item.unconfirmed === true;
+
+/** The agent has all prompts that were sent from here. */
+function confirmed(state: Conversation): Conversation {
+  if (!state.items.some(isUnconfirmed)) return state;
+  return {
+    ...state,
+    items: state.items.map((item) => {
+      if (!isUnconfirmed(item)) return item;
+      const { unconfirmed: _, ...known } = item;
+      return known;
+    }),
+  };
+}
+
+/** The conversation as the agent surely has it: from its last event on it can be resumed. */
+export function withoutUnconfirmed(state: Conversation): Conversation {
+  const items = state.items.filter((item) => !isUnconfirmed(item));
+  return items.length === state.items.length ? state : { ...state, items, turn: null, timeline: null };
+}
+
+/** The prompts of `before`, the texts of which the agent did not get: they are not in `after`, which it has sent since. */
+export function lostPrompts(before: Conversation, after: Conversation): UserItem[] {
+  return before.items.filter(isUnconfirmed).filter((prompt) => {
+    const count = ({ items }: Conversation): number =>
+      items.filter((item) => item.kind === "user" && !isUnconfirmed(item) && sameWords(item, prompt)).length;
+    if (before.dropped === 0 && after.dropped === 0) return count(after) <= count(before);
+    const last = after.items.findLast((item) => item.kind === "user");
+    return last?.kind !== "user" || !sameWords(last, prompt);
+  });
+}
+
+function sameWords(one: UserItem, other: UserItem): boolean {
+  return one.author === other.author && JSON.stringify(one.blocks) === JSON.stringify(other.blocks);
 }
 
 /** The answer to the prompt came. Where the agent announced the end of the turn before, nothing changes. */
 export function promptEnded(state: Conversation, stopReason: string, at: number | null = null): Conversation {
-  const over = at === null ? state : { ...state, timeline: endTimeline(state.timeline, at) };
+  const known = confirmed(state);
+  const over = at === null ? known : { ...known, timeline: endTimeline(state.timeline, at) };
   return state.turn === null ? over : endTurn(over, stopReason);
 }
 
 /** The agent refused the prompt, so no turn runs. */
 export function promptFailed(state: Conversation, error: string): Conversation {
-  return add<NoteItem>({ ...state, turn: null, timeline: null }, { kind: "note", stopReason: null, error });
+  return add<NoteItem>(
+    { ...confirmed(state), turn: null, timeline: null },
+    { kind: "note", stopReason: null, error },
+  );
 }
 
 export function cancelRequested(state: Conversation): Conversation {
