@@ -11,6 +11,7 @@ from acp.router import MessageRouter
 from backend import wire
 from backend.agent.acp import content_limits, updates
 from backend.agent.acp.dispatch import Dispatcher
+from backend.agent.acp.request_limits import RequestLimits
 from backend.agent.robot.mcp_client import ToolResult
 from backend.agent.sessions.session import MAX_EVENT_BYTES
 from backend.agent.sessions.store import Store
@@ -144,7 +145,7 @@ async def test_an_answer_that_fits_into_no_message_is_an_error() -> None:
 
     router.handle_extension_request(everything)
     async with asyncio.timeout(PATIENCE_S), asyncio.TaskGroup() as handlers:
-        dispatcher = Dispatcher(router, sent.append, handlers)
+        dispatcher = Dispatcher(router, sent.append, handlers, RequestLimits().new)
         await dispatcher.begin(wire.check(b'{"jsonrpc":"2.0","id":7,"method":"_x/all","params":{}}'))
     [reply] = sent
     frame = wire.check(reply)

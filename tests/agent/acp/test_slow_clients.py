@@ -25,6 +25,8 @@ from backend.agent.acp.connection import ClientConnection
 from backend.agent.acp.telemetry import MAX_HZ, TelemetryFeed
 from backend.agent.control.lease import Lease
 from backend.agent.robot.robot_client import RobotClient
+from backend.agent.sessions.journal import Journal
+from backend.agent.sessions.store import Store
 from backend.agent.wiring import Wiring
 from backend.config import Settings
 from backend.identity import Identity, Role
@@ -281,7 +283,8 @@ async def test_a_slow_replay_and_the_events_of_another_session_share_a_connectio
 
 async def test_old_telemetry_does_not_pile_up_for_a_client_that_does_not_read() -> None:
     link = RobotClient(RobotServerClient(None))
-    wiring = SimpleNamespace(link=link, turns=SimpleNamespace(lease=Lease()), settings=Settings())
+    journal = Journal(Store("sqlite://"))
+    wiring = SimpleNamespace(link=link, journal=journal, turns=SimpleNamespace(lease=Lease()), settings=Settings())
     told = 40_000  # 14 MB, if all of it were kept
     served = asyncio.Event()
 

@@ -14,15 +14,18 @@ import pytest
 from backend.agent.acp.connection import ClientConnection
 from backend.agent.acp.operations import Operations
 from backend.agent.acp.people import People
+from backend.agent.acp.request_limits import RequestLimits
 from backend.agent.control.lease import Lease
 from backend.agent.control.policy import Policy
 from backend.agent.robot.mcp_client import McpClient, Tool
 from backend.agent.robot.robot_client import RobotClient
 from backend.agent.robot.server_addresses import AllowList
 from backend.agent.sessions.journal import Journal
+from backend.agent.sessions.retention import Retention
 from backend.agent.sessions.session import Session
 from backend.agent.sessions.sessions import Sessions
 from backend.agent.sessions.store import Store
+from backend.agent.sessions.usage import Usage
 from backend.agent.turns.environment import TurnEnvironment
 from backend.agent.turns.model import OFFLINE_MODEL
 from backend.agent.wiring import Wiring
@@ -121,7 +124,17 @@ async def a_place(data: Path) -> AsyncIterator[Place]:
     silent = Silent("http://127.0.0.1:1/mcp", absent="There is no robot.")
     environment = TurnEnvironment("Sancho", silent, Policy(), link, store, Lease(), 1.0, 5, 1.0)
     wiring = Wiring(
-        Settings(), Registry(data), sessions, journal, link, environment, (OFFLINE_MODEL,), AllowList([]), People()
+        settings=Settings(),
+        tokens=Registry(data),
+        sessions=sessions,
+        journal=journal,
+        retention=Retention(store, sessions, Usage(), Settings().agent.storage),
+        link=link,
+        turns=environment,
+        models=(OFFLINE_MODEL,),
+        offers=AllowList([]),
+        people=People(),
+        requests=RequestLimits(Settings().agent.requests),
     )
 
     async def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
