@@ -24,6 +24,7 @@ from starlette.routing import BaseRoute, Route, WebSocketRoute
 
 from backend import cli, config, telemetry
 from backend import meta as keys
+from backend.audit import Audit
 from backend.bridge import app as bridge
 from backend.mcp_robot import refusal, robots
 from backend.mcp_robot.http.routes import create_app
@@ -75,7 +76,8 @@ def pages() -> dict[str, str]:
         robot = robots.simulated(settings)
         pilot = Pilot(robot, StopLatch(settings.data_dir), settings.robot.limits, [])
         tools = catalogue.build(pilot)
-        routes = create_app(pilot, tools, b"token", settings.robot.host).routes
+        audit = Audit(settings.data_dir, "robot")
+        routes = create_app(pilot, tools, b"token", settings.robot.host, audit).routes
         return {
             "tools.md": _tools_page(tools),
             "telemetry.md": _telemetry_page(),

@@ -72,7 +72,7 @@ def test_old_files_are_removed_and_the_newest_events_stay(tmp_path: Path, monkey
 
 WRITER = """
 import sys; from pathlib import Path; from backend import audit
-audit.MAX_FILE_BYTES = 20_000; audit.KEPT_FILES = 50
+audit.MAX_FILE_BYTES = 20_000; audit.KEPT_FILES = 50; audit.PER_MINUTE = 1_000
 log = audit.Audit(Path(sys.argv[1]), sys.argv[2])
 for number in range(300): log.record("stop", number=number)
 log.close()

@@ -30,6 +30,7 @@ from backend.agent.sessions.usage import Usage
 from backend.agent.turns import model, providers
 from backend.agent.turns.environment import TurnEnvironment
 from backend.agent.wiring import Wiring
+from backend.audit import Audit
 from backend.config import ConfigError, Settings
 from backend.connections_before_login import ConnectionsBeforeLogin
 from backend.descriptors import raise_limit
@@ -168,6 +169,7 @@ async def _wiring(settings: Settings, local_token: str | None) -> AsyncIterator[
     sessions = Sessions(store, journal, tools, agent.pose_tool, agent.permission_timeout, usage=usage)
     retention = Retention(store, sessions, usage, agent.storage)
     lease = Lease()
+    audit = Audit(settings.data_dir, "agent")
     wiring = Wiring(
         settings=settings,
         tokens=tokens,
@@ -187,11 +189,13 @@ async def _wiring(settings: Settings, local_token: str | None) -> AsyncIterator[
             answer_timeout_s=agent.permission_timeout,
             four_eyes=frozenset(agent.four_eyes),
             preview=agent.preview,
+            audit=audit,
         ),
         models=tuple(dict.fromkeys([agent.model, *agent.models, model.OFFLINE_MODEL])),
         offers=offers,
         people=People(),
         requests=RequestLimits(agent.requests),
+        audit=audit,
         local_token=local_token,
     )
     background = [
@@ -215,6 +219,7 @@ async def _wiring(settings: Settings, local_token: str | None) -> AsyncIterator[
         await tools.close()
         await server.close()
         await store.close()
+        await asyncio.to_thread(audit.close)
 
 
 def _absent(settings: Settings) -> str:

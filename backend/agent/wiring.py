@@ -12,6 +12,7 @@ from backend.agent.sessions.journal import Journal
 from backend.agent.sessions.retention import Retention
 from backend.agent.sessions.sessions import Sessions
 from backend.agent.turns.environment import TurnEnvironment
+from backend.audit import Audit
 from backend.config import Settings
 from backend.tokens import Registry
 
@@ -20,8 +21,8 @@ from backend.tokens import Registry
 class Wiring:
     """One agent. `models` are the names of the models that people may choose, the default first. `offers` decides which
     MCP servers a client may bring. `link` carries the robot's state, its stop and its release. `requests` limits what a
-    login may ask for. `local_token` is what the commands of the agent's own user bring where the system does not list
-    users (`local_user`), else None.
+    login may ask for. `audit` is told who logged in, stopped, released and changed what. `local_token` is what the
+    commands of the agent's own user bring where the system does not list users (`local_user`), else None.
     """
 
     settings: Settings
@@ -35,4 +36,5 @@ class Wiring:
     offers: AllowList
     people: People
     requests: RequestLimits
+    audit: Audit
     local_token: str | None = None

@@ -16,6 +16,7 @@ import uvicorn
 from starlette.applications import Starlette
 
 from backend import addresses, config, identity
+from backend.audit import Audit
 from backend.config import ConfigError, Settings
 from backend.connections_before_login import ConnectionsBeforeLogin
 from backend.http_protocol import HttpLimits, uvicorn_options
@@ -56,8 +57,9 @@ async def serve(
     robot.on_reroute = pilot.rerouted
     mcp = catalogue.build(pilot)
     token = identity.shared_secret(settings.data_dir, identity.ROBOT_TOKEN)
-    with contextlib.closing(_listen(robot_settings)) as listener:
-        http = _Http(create_app(pilot, mcp, token, robot_settings.host), pilot, on_ready)
+    audit = Audit(settings.data_dir, "robot")
+    with contextlib.closing(audit), contextlib.closing(_listen(robot_settings)) as listener:
+        http = _Http(create_app(pilot, mcp, token, robot_settings.host, audit), pilot, on_ready)
         async with robot.running():
             serving = asyncio.create_task(http.serve(sockets=[listener]), name="http")
             tasks = {serving}

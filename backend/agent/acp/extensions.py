@@ -22,7 +22,7 @@ from backend.agent.control.lease import HeldByAnother
 from backend.agent.robot.mcp_client import ServerUnavailable
 from backend.agent.sessions.database import StoreError
 from backend.agent.wiring import Wiring
-from backend.identity import Right
+from backend.identity import Identity, Right
 from backend.robot_server import RobotError
 
 EXTENSIONS = (
@@ -53,11 +53,11 @@ class Extensions:
         wiring, rights = self._wiring, self._rights
         try:
             if name == "robot/stop":
-                return await control.stop(wiring.link, wiring.sessions, rights.known().name)
+                return await control.stop(wiring.link, wiring.sessions, rights.known(), wiring.audit)
             if name == "robot/release":
-                return await wiring.link.release(rights.authorized(Right.RELEASE).name)
+                return await self._release(rights.authorized(Right.RELEASE))
             if name == "robot/take_over":
-                return self._take_over(rights.authorized(Right.TAKE_OVER).name, params)
+                return self._take_over(rights.authorized(Right.TAKE_OVER), params)
             if name == "robot/leave":
                 session_id = str(params.get("sessionId"))
                 # Waits behind a load of the same session that is still reading the database.
@@ -81,12 +81,19 @@ class Extensions:
             session = await self._rights.session(str(params.get("sessionId")))
             return await event_page(self._wiring.sessions, session, params)
 
-    def _take_over(self, by: str, params: dict[str, Any]) -> dict[str, Any]:
+    async def _release(self, by: Identity) -> dict[str, Any]:
+        released = await self._wiring.link.release(by.name)
+        self._wiring.audit.record("release", by)
+        return released
+
+    def _take_over(self, by: Identity, params: dict[str, Any]) -> dict[str, Any]:
         expected_holder = params.get("from")
         if expected_holder is not None and not isinstance(expected_holder, str):
             raise RequestError(wire.INVALID_PARAMS, "from must be the id of a session.")
         try:
-            loser = self._wiring.turns.lease.take_over(params.get("sessionId"), by, expected_holder)
+            loser = self._wiring.turns.lease.take_over(params.get("sessionId"), by.name, expected_holder)
         except HeldByAnother as other:
             raise RequestError(wire.INVALID_PARAMS, str(other), {"holder": other.holder}) from None
+        if loser:
+            self._wiring.audit.record("take_over", by, taken_from=loser.by, session=loser.session_id)
         return {"from": loser.by if loser else None}

@@ -59,7 +59,7 @@ class Login:
         if token is not None:
             self._identify(token)
         elif self._connection.trusted:
-            self._connection.identity = LOCAL
+            self._accept(LOCAL)
         self._initialized = True
         who = self._connection.identity
         log.info("client %s: %s", self._connection.id, f"{who.name}, {who.role.value}" if who else "not logged in")
@@ -80,6 +80,8 @@ class Login:
     async def logout(self, request: LogoutRequest) -> LogoutResponse:
         """Forget who this is: until it authenticates, the client is shown nothing and asked nothing."""
         del request
+        if (who := self._connection.identity) is not None:
+            self._wiring.audit.record("logout", who, address=self._connection.address)
         self._connection.identity = None
         self._attachments.detach_all()
         return LogoutResponse()
@@ -92,12 +94,17 @@ class Login:
     def _identify(self, token: object) -> None:
         local_token = self._wiring.local_token
         if local_token and hmac.compare_digest(str(token).encode(errors="replace"), local_token.encode()):
-            self._connection.identity = LOCAL
+            self._accept(LOCAL)
             return
         try:
-            self._connection.identity = self._wiring.tokens.verify(str(token))
+            self._accept(self._wiring.tokens.verify(str(token)))
         except (identity.InvalidToken, RegistryError) as error:
+            self._wiring.audit.record("login_refused", address=self._connection.address, reason=str(error))
             raise RequestError(wire.AUTH_REQUIRED, str(error)) from None
+
+    def _accept(self, who: Identity) -> None:
+        self._connection.identity = who
+        self._wiring.audit.record("login", who, address=self._connection.address)
 
     def _start_telemetry(self, wanted: Any) -> None:
         if isinstance(wanted, dict):

@@ -191,8 +191,13 @@ class Operations:
 
     async def delete_session(self, request: DeleteSessionRequest) -> dict[str, Any]:
         """Remove the session and its log."""
+        who = self._rights.known()
         session = await self._rights.own(request.session_id)
-        await self._wiring.sessions.delete(session)
+        try:
+            await self._wiring.sessions.delete(session)
+        finally:
+            if session.deleted:  # also where the client has gone meanwhile
+                self._wiring.audit.record("session_deleted", who, session=session.id, owner=session.row.owner)
         self._attachments.forget(session.id)
         return {}
 
@@ -242,7 +247,7 @@ class Operations:
     async def _stop(self, who: Identity) -> str:
         """Stop the robot, and say in words whether it is stopped."""
         try:
-            await stop(self._wiring.link, self._wiring.sessions, who.name)
+            await stop(self._wiring.link, self._wiring.sessions, who, self._wiring.audit)
         except StopFailed as failed:
             return str(failed)
         if self._wiring.link.keeps_a_stop:
@@ -271,14 +276,17 @@ class Operations:
         return await self._change_setting(choice.session_id, choice.config_id, choice.value)
 
     async def _change_setting(self, session_id: str, config_id: str, value: str | bool) -> dict[str, Any]:
-        self._rights.authorized(Right.CONFIGURE)
+        who = self._rights.authorized(Right.CONFIGURE)
         session = await self._rights.own(session_id)
+        old_mode = session.row.mode
         if self._wiring.journal.failure and self._wiring.journal.overfull:
             raise database_away(self._wiring.journal.failure)
         try:
             updates = settings.change(session, config_id, value, self._wiring.models)
         except ValueError as error:
             raise RequestError(wire.INVALID_PARAMS, str(error)) from None
+        if session.row.mode != old_mode:
+            self._wiring.audit.record("mode_changed", who, session=session.id, old=old_mode, new=session.row.mode)
         for update in updates:
             session.record(update)
         return {"configOptions": settings.config_options(session, self._wiring.models)}

@@ -58,13 +58,14 @@ class Approver(Protocol):
 class Outcome:
     """How a permission request ended. `allowed` is true only where an `allow_*` option was chosen, `option` is the
     chosen option, and `by` the name of the person who chose it. `fingerprint` is that of the tool for which the option
-    counts for the rest of the session; None where it counts for one call."""
+    counts for the rest of the session; None where it counts for one call. `identity` is that of the person `by`."""
 
     allowed: bool
     reason: Reason
     option: str | None = None
     by: str | None = None
     fingerprint: str | None = None
+    identity: Identity | None = field(default=None, compare=False)
 
     @property
     def refusal(self) -> str:
@@ -281,18 +282,19 @@ class PermissionRequests:
             offered = [option["optionId"] for option in request.params["options"]]
             counts = approver.may_approve and may_answer(approver.identity, request.other_than)
             option = read_answer(answer, offered) if counts else None
+            who = approver.identity
         except ConnectionError:
             if request.sent.pop(approver, None) and approver in self._approvers:
                 self._absent.disconnected(approver)
             return
         except Exception as error:  # an error response, which must not end the turn
             log.info("no answer from %s: %s", approver.name, type(error).__name__)
-            option = None
+            option = who = None
         if request.outcome.done():
             return
         if option is not None:
             allowed = option.startswith("allow_")
-            request.outcome.set_result(Outcome(allowed, "selected", option, approver.name))
+            request.outcome.set_result(Outcome(allowed, "selected", option, approver.name, identity=who))
             return
         request.sent.pop(approver, None)
         self.refuse_unanswerable()

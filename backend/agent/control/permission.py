@@ -19,6 +19,7 @@ from backend.agent.robot.mcp_client import McpClient, Tool, ToolResult
 from backend.agent.robot.robot_client import RobotClient
 from backend.agent.sessions.session import Session
 from backend.agent.turns.phases import Phases
+from backend.audit import Audit
 from backend.identity import Identity
 
 _TWO_PEOPLE = (
@@ -58,7 +59,8 @@ class Permission:
     """Decides on the tool calls of one turn, which `asker` started in `session`.
 
     `four_eyes` are the names of the tools that somebody other than the asker has to allow each time, in every mode;
-    tokens have to prove both. `previews` says whether people see what a call would do before they answer.
+    tokens have to prove both. `previews` says whether people see what a call would do before they answer. `audit` is
+    told every answer.
     """
 
     session: Session
@@ -69,6 +71,7 @@ class Permission:
     robot_tools: McpClient
     robot: RobotClient
     phases: Phases
+    audit: Audit
     _drawn: str | None = field(default=None, init=False)
     """The id of the call whose path the robot may be drawing for people who are asked; None otherwise."""
 
@@ -86,7 +89,10 @@ class Permission:
         if self._needs_two(call.tool) and not self.asker.proven:
             return Verdict(False, _TWO_PEOPLE)
         try:
-            outcome = self._remembered(call.tool) or await self._ask(call)
+            outcome = self._remembered(call.tool)
+            if outcome is None:
+                outcome = await self._ask(call)
+                self._record(call.tool, outcome)
         except preview.RefusedByRobot as refused:
             return Verdict(False, robot_refusal=refused.result)
         if not outcome.allowed:
@@ -145,6 +151,17 @@ class Permission:
         if outcome.option is not None and outcome.option.endswith("_always"):
             return replace(outcome, fingerprint=tool.fingerprint)
         return outcome
+
+    def _record(self, tool: Tool, outcome: Outcome) -> None:
+        self.audit.record(
+            "permission",
+            outcome.identity or outcome.by,
+            tool=tool.name,
+            answer=outcome.option or outcome.reason,
+            asked_by=self.asker.name,
+            asked_by_token=self.asker.token_id,
+            session=self.session.id,
+        )
 
     async def _preview(self, call: ToolCall) -> dict[str, Any] | None:
         """What people are told of the path; None where the tool has no preview. Raises `RefusedByRobot`."""

@@ -11,6 +11,8 @@ from typing import Any
 
 from backend.agent.robot.robot_client import RobotClient
 from backend.agent.sessions.sessions import Sessions
+from backend.audit import Audit
+from backend.identity import Identity
 from backend.robot_server import OWN_STOP, NotStopped, RobotError
 
 
@@ -22,15 +24,20 @@ class StopFailed(RobotError):
         self.cancelled = cancelled
 
 
-async def stop(robot: RobotClient, sessions: Sessions, by: str) -> dict[str, Any]:
+async def stop(robot: RobotClient, sessions: Sessions, by: Identity, audit: Audit) -> dict[str, Any]:
     """Stop the robot in the name of `by`: `{"stopped": {by, at}}`. Raises `StopFailed`."""
+    confirmed = False
     cancelled = 0 if robot.keeps_a_stop else sessions.cancel_all()
     try:
-        return await robot.stop(by)
+        stopped = await robot.stop(by.name)
+        confirmed = True
+        return stopped
     except NotStopped as failed:
         if robot.keeps_a_stop:
             cancelled = sessions.cancel_all()
         raise StopFailed(failed.reason, cancelled) from failed
+    finally:  # also where the person who pressed has gone meanwhile
+        audit.record("stop", by, confirmed=confirmed)
 
 
 def _in_words(turns: int) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from backend.agent.control.lease import Lease
 from backend.agent.control.policy import Policy
@@ -11,6 +11,7 @@ from backend.agent.robot.robot_client import RobotClient
 from backend.agent.sessions.store import Store
 from backend.agent.turns import providers
 from backend.agent.turns.inferences import Infer
+from backend.audit import Audit
 
 
 @dataclass(frozen=True)
@@ -34,3 +35,5 @@ class TurnEnvironment:
     preview: bool = True
     """Whether people see what a call would do before they are asked to allow it."""
     infer: Infer = providers.stream
+    audit: Audit = field(kw_only=True)
+    """Is told who allowed and refused which tool call."""

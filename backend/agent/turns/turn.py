@@ -137,6 +137,7 @@ class Turn:
             robot_tools=environment.tools,
             robot=environment.link,
             phases=self._phases,
+            audit=environment.audit,
         )
         self._calls = ToolCalls(
             environment, session, self.id, self.asker.name, self.origin, self._permission, self._phases

@@ -18,6 +18,7 @@ from starlette.responses import JSONResponse
 from starlette.routing import Route, WebSocketRoute
 
 from backend import __version__
+from backend.audit import Audit
 from backend.mcp_robot.http.access import Access
 from backend.mcp_robot.http.name_in_body import name_in_body
 from backend.mcp_robot.http.telemetry_stream import TelemetryStream
@@ -26,8 +27,8 @@ from backend.mcp_robot.motion.stop import name_of
 from backend.mcp_robot.tools.mcp_server import RobotServer
 
 
-def create_app(pilot: Pilot, tools: RobotServer, token: bytes, host: str) -> Starlette:
-    """The ASGI application of one robot."""
+def create_app(pilot: Pilot, tools: RobotServer, token: bytes, host: str, audit: Audit) -> Starlette:
+    """The ASGI application of one robot. `audit` is told who stops and releases it."""
     stream = TelemetryStream(pilot)
 
     async def health(request: Request) -> JSONResponse:
@@ -37,16 +38,21 @@ def create_app(pilot: Pilot, tools: RobotServer, token: bytes, host: str) -> Sta
         by = request.query_params.get("by")
         is_first = pilot.stopped is None
         latched = pilot.stop(name_of(by))
+        pressed_by = name_of(by)
         if is_first and not by:
-            latched = pilot.name_stop(latched, name_of(await name_in_body(request)))
+            pressed_by = name_of(await name_in_body(request))
+            latched = pilot.name_stop(latched, pressed_by)
+        audit.record("stop", pressed_by, via="HTTP")
         return JSONResponse({"stopped": {"by": latched.by, "at": latched.at}})
 
     async def release(request: Request) -> JSONResponse:
+        by = name_of(request.query_params.get("by") or await name_in_body(request))
         try:
-            pilot.release(name_of(request.query_params.get("by") or await name_in_body(request)))
+            pilot.release(by)
         except OSError:
             sentence = "The stop cannot be released: its file in the data folder cannot be removed."
             return JSONResponse({"error": sentence}, 500)
+        audit.record("release", by, via="HTTP")
         return JSONResponse({"stopped": None})
 
     async def forget_preview(request: Request) -> JSONResponse:

@@ -19,6 +19,7 @@ from backend.agent.sessions.session import Session
 from backend.agent.turns import model
 from backend.agent.turns.environment import TurnEnvironment
 from backend.agent.turns.turn import Turn
+from backend.audit import Audit
 from tests.agent.runaway_robot import Runaway
 from tests.agent.turns.test_cancelled_turns import ANA, session  # noqa: F401 - a fixture
 from tests.processes import Client, Robot, eventually
@@ -49,7 +50,17 @@ async def cancelled(session: Session, link: RobotClient, lease: Lease) -> AsyncI
     """A turn that was cancelled in the middle of a drive."""
     tools, policy = Driving(), Policy({"supervised": {"drive": "allow"}})
     environment = TurnEnvironment(
-        "Sancho", tools, policy, link, session._journal._store, lease, 1.0, 5, 1.0, infer=driving
+        "Sancho",
+        tools,
+        policy,
+        link,
+        session._journal._store,
+        lease,
+        1.0,
+        5,
+        1.0,
+        infer=driving,
+        audit=Audit(Path("/"), "agent"),
     )
     prompt = [{"type": "text", "text": "drive"}]
     turn = asyncio.create_task(session.run_turn(Turn(environment, session, ANA, prompt, None)))

@@ -29,6 +29,7 @@ from backend.agent.sessions.usage import Usage
 from backend.agent.turns.environment import TurnEnvironment
 from backend.agent.turns.model import OFFLINE_MODEL
 from backend.agent.wiring import Wiring
+from backend.audit import Audit
 from backend.chat.link import RefusedError
 from backend.config import Settings
 from backend.identity import Role
@@ -122,7 +123,8 @@ async def a_place(data: Path) -> AsyncIterator[Place]:
     sessions = Sessions(store, journal, nowhere, "get_current_pose", 1.0)
     link, may_go_on = RobotClient(RobotServerClient(None)), asyncio.Event()
     silent = Silent("http://127.0.0.1:1/mcp", absent="There is no robot.")
-    environment = TurnEnvironment("Sancho", silent, Policy(), link, store, Lease(), 1.0, 5, 1.0)
+    audit = Audit(data, "agent")
+    environment = TurnEnvironment("Sancho", silent, Policy(), link, store, Lease(), 1.0, 5, 1.0, audit=audit)
     wiring = Wiring(
         settings=Settings(),
         tokens=Registry(data),
@@ -135,6 +137,7 @@ async def a_place(data: Path) -> AsyncIterator[Place]:
         offers=AllowList([]),
         people=People(),
         requests=RequestLimits(Settings().agent.requests),
+        audit=audit,
     )
 
     async def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

@@ -28,6 +28,7 @@ from backend.agent.sessions.store import SessionRow, Store
 from backend.agent.turns import model, providers
 from backend.agent.turns.environment import TurnEnvironment
 from backend.agent.turns.turn import Turn
+from backend.audit import Audit
 from backend.identity import Identity, Role
 from tests.agent.control.test_approvers import Person, chosen
 from tests.agent.turns.test_other_models import Provider, call, end, text
@@ -112,7 +113,10 @@ async def environment_of(robot: Robot, store: Store) -> AsyncIterator[TurnEnviro
     link = RobotClient(url, bearer)
     following = asyncio.create_task(link.run())
     await eventually(lambda: link.state, "the telemetry")
-    yield TurnEnvironment("Sancho", tools, Policy(), link, store, Lease(), 1.0, 10, 1.0)
+    audit = Audit(robot.data, "agent")
+    yield TurnEnvironment(
+        "Sancho", tools, Policy(), link, store, Lease(), 1.0, 10, 1.0, audit=Audit(robot.data, "agent")
+    )
     following.cancel()
     await asyncio.gather(following, return_exceptions=True)
     await tools.close()

@@ -27,6 +27,7 @@ from backend.agent.sessions.store import SessionRow, Store
 from backend.agent.turns import model
 from backend.agent.turns.environment import TurnEnvironment
 from backend.agent.turns.turn import Turn
+from backend.audit import Audit
 from backend.identity import Identity, Role
 from backend.robot_server import RobotServerClient
 from backend.telemetry import Battery, Pose, State, Twist
@@ -241,7 +242,17 @@ async def test_the_robot_is_given_on_at_rest_when_a_turn_fails_in_mid_motion(ses
     link, lease, tools = RobotClient(RobotServerClient(None)), Lease(), Robot("http://127.0.0.1:1/mcp", absent="")
     await link._set(at(0.5))
     environment = TurnEnvironment(
-        "Sancho", tools, Policy(), link, session._journal._store, lease, 1.0, 5, 1.0, infer=turning
+        "Sancho",
+        tools,
+        Policy(),
+        link,
+        session._journal._store,
+        lease,
+        1.0,
+        5,
+        1.0,
+        infer=turning,
+        audit=Audit(Path("/"), "agent"),
     )
     turn = asyncio.create_task(
         session.run_turn(Turn(environment, session, ANA, [{"type": "text", "text": "turn"}], None))
