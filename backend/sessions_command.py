@@ -101,13 +101,14 @@ async def compact(settings: Settings) -> int:
 
 async def _running_agent(settings: Settings) -> Link | None:
     """A connection to the agent that runs on this machine; None where none runs."""
+    from backend import local_user
     from backend import meta as keys
     from backend.chat.link import LinkError, RefusedError, open_link
     from backend.config import ConfigError
 
     try:
-        link = await open_link(f"tcp://{settings.agent.host}:{settings.agent.port}", None, lambda _message: None)
-        token = os.environ.get("ROBOT_ACP_TOKEN")
+        link = await open_link(settings.agent_url, None, lambda _message: None)
+        token = os.environ.get("ROBOT_ACP_TOKEN") or local_user.token_for(settings.agent_url, settings)
         about = {"_meta": {keys.TOKEN: token}} if token else {}
         await link.request("initialize", {"protocolVersion": 1, "clientCapabilities": {}} | about)
     except LinkError:

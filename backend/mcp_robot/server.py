@@ -123,5 +123,6 @@ def _listen(settings: config.Robot) -> socket.socket:
         listener.listen(128)
     except OSError as error:
         listener.close()
-        raise ConfigError(f"The robot server cannot listen on {host}:{port}: {error.strerror or error}.") from None
+        at = addresses.authority(host, port)
+        raise ConfigError(f"The robot server cannot listen on {at}: {error.strerror or error}.") from None
     return listener

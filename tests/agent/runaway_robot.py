@@ -16,6 +16,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from backend import telemetry
 from backend.agent.robot.robot_client import RobotClient
+from backend.robot_server import RobotServerClient
 from backend.telemetry import Battery, Pose, State, Stop, Twist
 from tests.processes import eventually
 
@@ -75,7 +76,8 @@ class Runaway:
         try:
             await eventually(lambda: server.started, "the robot server")
             port = server.servers[0].sockets[0].getsockname()[1]
-            link = RobotClient(f"http://127.0.0.1:{port}/mcp", None, stale_after=0.2, rest_timeout=rest_timeout)
+            ours = RobotServerClient(f"http://127.0.0.1:{port}", b"secret" * 10)
+            link = RobotClient(ours, stale_after=0.2, rest_timeout=rest_timeout)
             following = asyncio.create_task(link.run())
             await eventually(lambda: link.state, "the telemetry")
             yield link

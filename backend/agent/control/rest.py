@@ -17,6 +17,7 @@ _UNKNOWN = "This robot does not report its motion. Check that it stands still."
 _MOVES = "I still move, although I had to halt"
 _SILENT = "I cannot tell whether I stand still, because my telemetry is missing"
 _STOP_SET = "so I set the stop. A supervisor has to release it."
+_STOP_SENT = "so I sent a stop. Check that it stands still."
 _NO_STOP = "and the stop could not be set. Use the robot's own stop button."
 _STOP_IGNORED = "I still move, although the stop is set. Use the robot's own stop button."
 
@@ -47,4 +48,4 @@ async def _set_stop(robot: RobotClient) -> str:
         await robot.stop(STOPPED_BY)
     except RobotError:
         return f"{trouble}, {_NO_STOP}"
-    return f"{trouble}, {_STOP_SET}"
+    return f"{trouble}, {_STOP_SET if robot.keeps_a_stop else _STOP_SENT}"

@@ -161,7 +161,7 @@ class RobotClient:
 
     async def _now(self) -> float:
         """The time of this moment, in s of the robot's clock. Waits until the robot server answers."""
-        while self.reports_motion:
+        while self._server.has_paths and self.reports_motion:
             if state := await self.anew():
                 return state.time
             await asyncio.sleep(ASK_AGAIN_S)

@@ -74,11 +74,11 @@ async def test_one_who_sends_on_and_on_is_read_slower_and_a_large_message_counts
     assert pace._pause == 0
 
 
-def test_all_connections_of_a_login_share_an_account_and_nobody_else_does() -> None:
+def test_all_logins_of_a_person_share_an_account_and_nobody_else_does() -> None:
     limits = RequestLimits()
     ana = limits.of(Identity("Ana", Role.VIEWER, "1"))
-    assert ana is limits.of(Identity("Ana", Role.VIEWER, "1"))
-    assert ana is not limits.of(Identity("Ana", Role.VIEWER, "2"))
+    assert ana is limits.of(Identity("Ana", Role.VIEWER, "2"))
+    assert ana is not limits.of(Identity("Ben", Role.VIEWER, "1"))
     assert limits.of(Identity("local", Role.SUPERVISOR)) is None
     assert limits.new() is not limits.new()
 
@@ -91,7 +91,7 @@ def test_accounts_that_nobody_uses_are_forgotten() -> None:
     busy.pending = 1
     for number in range(5000):
         clock.now += 60
-        limits.of(Identity("x", Role.VIEWER, str(number))).charge(0)  # type: ignore[union-attr]
+        limits.of(Identity(f"x{number}", Role.VIEWER, "a")).charge(0)  # type: ignore[union-attr]
     assert len(limits._accounts) <= 1024
     assert limits.of(Identity("Ana", Role.VIEWER, "busy")) is busy
 
@@ -192,12 +192,12 @@ async def test_a_flood_delays_nobody_else(robot: Robot) -> None:
         assert len(behind) > FLOOD // 4, "the supervisor was answered behind the flood"
 
 
-async def test_another_connection_of_the_login_is_refused_and_another_login_is_not(robot: Robot) -> None:
+async def test_another_connection_of_the_person_is_refused_and_somebody_else_is_not(robot: Robot) -> None:
     token = robot.token("Vera", Role.VIEWER)
     async with (
         line(robot, token) as one,
         line(robot, token) as other,
-        line(robot, robot.token("Vera", Role.VIEWER)) as namesake,
+        line(robot, robot.token("Victor", Role.VIEWER)) as somebody_else,
     ):
         for _ in range(500):
             many = [one.ask("session/list") for _ in range(30)]
@@ -205,7 +205,7 @@ async def test_another_connection_of_the_login_is_refused_and_another_login_is_n
             if other.refused:
                 break
         assert other.refused
-        assert "result" in await namesake.ask("session/list")
+        assert "result" in await somebody_else.ask("session/list")
 
 
 async def test_notifications_count_too(robot: Robot) -> None:

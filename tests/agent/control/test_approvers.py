@@ -20,7 +20,7 @@ def chosen(option: str) -> dict[str, Any]:
 
 def proven(name: str) -> Identity:
     """Somebody with a token."""
-    return Identity(name, Role.OPERATOR, token_id=f"token of {name}")
+    return Identity(name, Role.OPERATOR, token_id=f"token of {name}", subject=f"subject of {name}")
 
 
 class Person:

@@ -130,7 +130,7 @@ async def test_nor_the_first(careful: Robot) -> None:
 
 
 async def test_two_tokens_of_one_person_are_one_person(careful: Robot) -> None:
-    ana, again = await logged_in(careful, "Ana"), await logged_in(careful, "Ana", Role.SUPERVISOR)
+    ana, again = await logged_in(careful, "Ana"), await logged_in(careful, "Ana")
     await ana.new()
     await again.load(ana.session)
     await ana.prompt("say hello")

@@ -20,6 +20,7 @@ from backend.agent.turns import model
 from backend.agent.turns.environment import TurnEnvironment
 from backend.agent.turns.turn import Turn
 from backend.audit import Audit
+from backend.robot_server import RobotServerClient
 from tests.agent.runaway_robot import Runaway
 from tests.agent.turns.test_cancelled_turns import ANA, session  # noqa: F401 - a fixture
 from tests.processes import Client, Robot, eventually
@@ -138,7 +139,7 @@ async def test_a_robot_that_comes_to_rest_by_itself_is_not_stopped(session: Sess
 
 async def test_people_are_asked_to_check_a_robot_that_reports_nothing(session: Session) -> None:  # noqa: F811
     lease = Lease()
-    async with cancelled(session, RobotClient(None, None), lease) as turn:
+    async with cancelled(session, RobotClient(RobotServerClient(None)), lease) as turn:
         assert await turn == "cancelled"
     assert "This robot does not report its motion. Check that it stands still." in told(session)
     assert lease.holder is None

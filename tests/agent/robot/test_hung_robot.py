@@ -11,6 +11,8 @@ from backend.agent.acp.connection import ClientConnection
 from backend.agent.acp.telemetry import TelemetryFeed
 from backend.agent.control.lease import Lease
 from backend.agent.robot.robot_client import RobotClient
+from backend.agent.sessions.journal import Journal
+from backend.agent.sessions.store import Store
 from backend.agent.wiring import Wiring
 from backend.config import Settings
 from backend.robot_server import RobotServerClient
@@ -48,7 +50,8 @@ async def test_a_robot_server_that_hangs_is_one_that_cannot_be_reached(tmp_path:
 
 async def test_who_asks_for_little_telemetry_can_still_tell_a_silence_from_it() -> None:
     link, sent = RobotClient(RobotServerClient(None)), list[bytes]()
-    wiring = SimpleNamespace(link=link, turns=SimpleNamespace(lease=Lease()), settings=Settings())
+    journal = Journal(Store("sqlite://"))
+    wiring = SimpleNamespace(link=link, turns=SimpleNamespace(lease=Lease()), settings=Settings(), journal=journal)
     connection = SimpleNamespace(identity="Ana", may_approve=False, deliver_latest=lambda _, line: sent.append(line))
     feed = TelemetryFeed(cast(Wiring, wiring), cast(ClientConnection, connection), 0.01)
     state = State(0.0, "Sancho", Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), Battery(1.0, False), None, None, None)

@@ -30,6 +30,7 @@ from backend.agent.turns.environment import TurnEnvironment
 from backend.agent.turns.turn import Turn
 from backend.audit import Audit
 from backend.identity import Identity, Role
+from backend.robot_server import RobotServerClient
 from tests.agent.control.test_approvers import Person, chosen
 from tests.agent.turns.test_other_models import Provider, call, end, text
 from tests.processes import PATIENCE_S, Robot, eventually
@@ -107,10 +108,10 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
 
 @asynccontextmanager
 async def environment_of(robot: Robot, store: Store) -> AsyncIterator[TurnEnvironment]:
-    bearer = identity.shared_secret(robot.data, identity.ROBOT_TOKEN).decode()
-    url = f"http://127.0.0.1:{robot.robot_port}/mcp"
-    tools = McpClient(url, {"Authorization": f"Bearer {bearer}"}, absent="The robot does not answer.")
-    link = RobotClient(url, bearer)
+    bearer = identity.shared_secret(robot.data, identity.ROBOT_TOKEN)
+    url = f"http://127.0.0.1:{robot.robot_port}"
+    tools = McpClient(f"{url}/mcp", robot.robot_headers, absent="The robot does not answer.")
+    link = RobotClient(RobotServerClient(url, bearer))
     following = asyncio.create_task(link.run())
     await eventually(lambda: link.state, "the telemetry")
     audit = Audit(robot.data, "agent")
