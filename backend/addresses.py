@@ -40,4 +40,4 @@ def is_loopback(host: str) -> bool:
     try:
         return ip_address(host.partition("%")[0]).is_loopback
     except ValueError:
-        return host == "localhost"
+        return host.lower() == "localhost"

@@ -36,8 +36,9 @@ MAX_FILE_BYTES = 10 * 1024 * 1024
 MAX_WAITING = 10_000
 """Events that may wait to be written. Further ones are counted, and the count is logged."""
 MAX_TEXT_CHARS = 300
-PER_MINUTE = 30
-"""Lines of one kind of event by one person. Refused logins count as one person's: nobody knows whose they are."""
+PER_MINUTE, AT_ONCE = 30, 300
+"""Lines of one kind of event by one person, for long and for a moment. Of refused logins, of which nobody knows whose
+they are, there are `PER_MINUTE` in all."""
 MAX_PEOPLE = 1000
 """So many pairs of event and person are counted apart. Of more, the pair that was seen longest ago is forgotten."""
 COUNT_EVERY_S = 60.0
@@ -48,13 +49,17 @@ Event = Literal[
     "stop", "release", "take_over", "session_deleted",
 ]  # fmt: skip
 
+Details = dict[str, str | int | float | None]
+
 log = logging.getLogger(__name__)
 
 
 class Audit:
     """The audit log as one process writes it; `process` is its name: robot, agent, bridge or command."""
 
-    def __init__(self, data_dir: Path, process: str) -> None:
+    def __init__(self, data_dir: Path, process: str, *, lists_all: bool = False) -> None:
+        """With `lists_all` no event is left out: for a command, which ends by itself."""
+        self._lists_all = lists_all
         self._path = data_dir / FILE
         self._process = process
         self._waiting: queue.Queue[bytes | None] = queue.Queue(MAX_WAITING)
@@ -67,7 +72,7 @@ class Audit:
         """Add an event. `by` is the person, or a name where nobody is known. Returns at once and raises nothing."""
         try:
             entry = self._entry(event) | _person(by)
-            if not self._repeated.admit((event, _who(event, by)), time.monotonic()):
+            if not (self._lists_all or self._repeated.admit((event, _who(event, by)), time.monotonic())):
                 return
             entry |= {name: _text(value) if isinstance(value, str) else value for name, value in details.items()}
             if self._writer is None:
@@ -133,7 +138,7 @@ class _Repeated:
     def admit(self, key: tuple[str, str], now: float) -> bool:
         """Whether this event is listed; otherwise it is counted."""
         with self._lock:
-            rate = self._rates.pop(key, None) or TokenBucket(PER_MINUTE / 60, PER_MINUTE)
+            rate = self._rates.pop(key, None) or TokenBucket(PER_MINUTE / 60, AT_ONCE if key[1] else PER_MINUTE)
             self._rates[key] = rate
             if len(self._rates) > MAX_PEOPLE:
                 self._rates.popitem(last=False)
@@ -151,9 +156,9 @@ class _Repeated:
             return counts
 
 
-def record_command(data_dir: Path, *events: tuple[Event, dict[str, str | int | float | None]]) -> None:
+def record_command(data_dir: Path, *events: tuple[Event, Details]) -> None:
     """Record what a command of this computer's user has done: each event with its details."""
-    log_of_command = Audit(data_dir, "command")
+    log_of_command = Audit(data_dir, "command", lists_all=True)
     uid = os.getuid()
     try:
         user = pwd.getpwuid(uid).pw_name

@@ -17,7 +17,7 @@ from collections.abc import Coroutine, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from backend import __version__, sessions_command, token_commands
+from backend import __version__, audit_command, sessions_command, token_commands
 
 if TYPE_CHECKING:
     from backend import config
@@ -104,6 +104,7 @@ def _parser() -> argparse.ArgumentParser:
     listen.set_defaults(run=_listen)
 
     token_commands.add_to(commands)
+    audit_command.add_to(commands)
 
     sessions = commands.add_parser("sessions", help="the log of sessions, for those who run the robot")
     sessions_command.add_commands(sessions)

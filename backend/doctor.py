@@ -15,9 +15,9 @@ from pathlib import Path
 
 import httpx
 
-from backend import addresses, identity, private_files
+from backend import addresses, exposure, identity, private_files
 from backend.config import Settings
-from backend.findings import Finding, bad, good
+from backend.findings import Finding, bad, good, warning
 from backend.robot_address import without_login
 from backend.robot_server import RobotError, RobotServerClient
 
@@ -26,7 +26,8 @@ OLDEST, NEWEST = (3, 11), (3, 13)
 
 async def run(settings: Settings) -> int:
     """Print one line for each finding, and return the exit status: 0 when nothing is missing."""
-    findings = [*_machine(settings), await asyncio.to_thread(_database, settings), *await _processes(settings)]
+    findings = [*_machine(settings), await asyncio.to_thread(_database, settings)]
+    findings += [*await _processes(settings), *_network(settings)]
     for finding in findings:
         print(finding)
     if settings.robot.kind == "ros2" and settings.drives_our_robot_server:
@@ -36,7 +37,9 @@ async def run(settings: Settings) -> int:
             findings.append(finding)
             print(finding, flush=True)
     missing = sum(not finding.ok for finding in findings)
-    print(f"\n{len(findings)} checks, {missing or 'none'} missing.")
+    warnings = sum(finding.warns for finding in findings)
+    also = f", {warnings} {'warning' if warnings == 1 else 'warnings'}" if warnings else ""
+    print(f"\n{len(findings)} checks, {missing or 'none'} missing{also}.")
     return 1 if missing else 0
 
 
@@ -107,6 +110,14 @@ async def _processes(settings: Settings) -> list[Finding]:
                 else bad(name, f"another program has {address}", advice)
             )
     return found
+
+
+def _network(settings: Settings) -> Iterator[Finding]:
+    """What other machines could read."""
+    processes: tuple[exposure.Process, ...] = ("robot", "agent", "bridge")
+    for process in processes[0 if settings.drives_our_robot_server else 1 :]:
+        if found := exposure.warning(settings, process):
+            yield warning(process, *found)
 
 
 async def _other_robot(settings: Settings) -> Finding:

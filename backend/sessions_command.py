@@ -140,24 +140,30 @@ async def _delete_through(link: Link, ids: list[str]) -> int:
 async def _delete_here(settings: Settings, ids: list[str]) -> int:
     from sqlalchemy.exc import SQLAlchemyError
 
+    from backend import audit
     from backend.agent.sessions import upkeep
     from backend.agent.sessions.database import why
     from backend.config import ConfigError
 
     failed = 0
+    deleted: list[audit.Details] = []
     store = await _opened(settings, writes=True)
     try:
         for session in ids:
-            if await store.session(session) is None:
+            row = await store.session(session)
+            if row is None:
                 failed += 1
                 print(f"robot-acp: There is no session {session[:64]}.", file=sys.stderr)
             else:
+                owner = row.owner
                 await store.delete_session(session)
+                deleted.append({"session": session, "owner": owner})
         await upkeep.give_back_space(store)
     except SQLAlchemyError as error:
         raise ConfigError(why(error)) from None
     finally:
         await store.close()
+        audit.record_command(settings.data_dir, *(("session_deleted", session) for session in deleted))
     return failed
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from backend.identity import Role
 
 if TYPE_CHECKING:
-    from backend import config, tokens
+    from backend import audit, config, tokens
 
 MAX_NAME_CHARS = 60
 
@@ -87,10 +87,13 @@ def _end(text: str) -> float:
 
 
 def _create(settings: config.Settings, options: argparse.Namespace) -> int:
-    from backend import tokens  # see above
+    from backend import audit, identity, tokens  # see above
 
     role, same_person = Role(options.role), options.same_person
-    print(tokens.create(settings.data_dir, options.name, role, options.expires, same_person=same_person))
+    token = tokens.create(settings.data_dir, options.name, role, options.expires, same_person=same_person)
+    print(token)
+    made = identity.verify([identity.shared_secret(settings.data_dir, identity.SIGNING_KEY)], token)
+    audit.record_command(settings.data_dir, ("token_created", _audited(made.token_id, made.name, made.role, "created")))
     return 0
 
 
@@ -121,9 +124,11 @@ def _columns(record: tokens.Record, precision: str, zone: tzinfo | None = None) 
 
 
 def _revoke(settings: config.Settings, options: argparse.Namespace) -> int:
-    from backend import tokens  # see above
+    from backend import audit, tokens  # see above
 
     revoked = tokens.revoke(settings.data_dir, options.id_or_name)
+    events = [_audited(record.id, record.name, record.role, "revoked") for record in revoked]
+    audit.record_command(settings.data_dir, *(("token_revoked", event) for event in events))
     for record in revoked:
         print(f"Revoked {record.id} of {record.name} ({record.role.value}).")
     if len(revoked) > 1:
@@ -133,10 +138,15 @@ def _revoke(settings: config.Settings, options: argparse.Namespace) -> int:
     return 0
 
 
+def _audited(token_id: str | None, name: str, role: Role, done: str) -> audit.Details:
+    return {done: token_id, f"{done}_name": name, f"{done}_role": role.value}
+
+
 def _rotate(settings: config.Settings, options: argparse.Namespace) -> int:
-    from backend import tokens  # see above
+    from backend import audit, tokens  # see above
 
     count = tokens.rotate_key(settings.data_dir, options.old_until)
+    audit.record_command(settings.data_dir, ("key_rotated", {"tokens": count, "old_until": options.old_until}))
     print("There is a new signing key. No process has to be started again.")
     if options.old_until > time.time():
         end = datetime.fromtimestamp(options.old_until).isoformat(" ", "minutes")

@@ -13,6 +13,7 @@ import pytest
 from backend import audit
 from backend.audit import Audit
 from backend.identity import Identity, Role
+from tests.processes import wait_until
 
 ANA = Identity("Ana", Role.OPERATOR, "t1", 2e9)
 
@@ -101,3 +102,65 @@ def test_a_log_that_cannot_be_written_stops_nobody(tmp_path: Path, caplog: pytes
     log.record("release", ANA)
     log.close()
     assert [entry["event"] for entry in audit.entries(tmp_path / "gone")] == ["release"]
+
+
+def test_a_flood_of_one_person_is_counted_and_hides_nobody_else(tmp_path: Path) -> None:
+    log = Audit(tmp_path, "agent")
+    for _ in range(5_000):
+        log.record("login_refused", None, reason="wrong")
+        log.record("stop", ANA)
+    log.record("stop", "Ben")
+    log.close()
+    found = list(audit.entries(tmp_path))
+    listed = [(entry["event"], entry.get("by")) for entry in found if "more" not in entry]
+    counts = {(entry["event"], entry.get("by")): entry["more"] for entry in found if "more" in entry}
+    refused, stops = listed.count(("login_refused", None)), listed.count(("stop", "Ana"))
+    assert audit.PER_MINUTE <= refused < 2 * audit.PER_MINUTE
+    assert audit.AT_ONCE <= stops < audit.AT_ONCE + audit.PER_MINUTE
+    assert counts == {("login_refused", None): 5_000 - refused, ("stop", "Ana"): 5_000 - stops}
+    assert ("stop", "Ben") in listed
+
+
+def test_a_flood_that_has_ended_is_counted_without_a_further_event(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(audit, "COUNT_EVERY_S", 0.05)
+    log = Audit(tmp_path, "agent")
+    for _ in range(100):
+        log.record("login_refused", None)
+    wait_until(lambda: sum(int(str(entry.get("more", 1))) for entry in audit.entries(tmp_path)) == 100, "the count")
+    log.close()
+
+
+def test_many_names_take_little_memory(tmp_path: Path) -> None:
+    repeated = audit._Repeated()
+    for number in range(3 * audit.MAX_PEOPLE):
+        for _ in range(audit.AT_ONCE + 1):
+            repeated.admit(("stop", f"name {number}"), 0.0)
+    assert len(repeated._rates) == audit.MAX_PEOPLE
+    counts = repeated.take_counts()
+    assert len(counts) == audit.MAX_PEOPLE + 1
+    assert sum(counts.values()) == 3 * audit.MAX_PEOPLE
+
+
+def test_a_machine_without_room_for_a_thread_does_not_stop_the_caller(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_room(_: object) -> None:
+        raise RuntimeError("can't start new thread")
+
+    log = Audit(tmp_path, "robot")
+    with monkeypatch.context() as exhausted:
+        exhausted.setattr("threading.Thread.start", no_room)
+        log.record("stop", "Ana")
+    log.record("stop", "Ben")
+    log.close()
+    assert [(e["event"], e.get("by"), e.get("more")) for e in audit.entries(tmp_path)] == [
+        ("stop", "Ben", None), ("lost", None, 1),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("line", [b"", b"{", b"[]", b"1", b'{"time": "x"}', b'{"time": [1]}', b"{}", b"\xff\xfe"])
+def test_a_line_that_is_no_event_is_left_out(tmp_path: Path, line: bytes) -> None:
+    (tmp_path / audit.FILE).write_bytes(line + b'\n{"time": 2.0, "event": "stop"}\n' + line)
+    assert list(audit.entries(tmp_path)) == [{"time": 2.0, "event": "stop"}]

@@ -10,7 +10,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from backend import addresses, identity, local_user, robot_address
+from backend import addresses, exposure, identity, local_user, robot_address
 from backend.agent.acp.connection import ClientConnection
 from backend.agent.acp.operations import Operations
 from backend.agent.acp.people import People
@@ -64,6 +64,7 @@ async def serve(settings: Settings, *, stdio: bool = False) -> None:
 
 async def _serve_tcp(wiring: Wiring) -> None:
     where = wiring.settings.agent
+    exposure.warn(wiring.settings, "agent", log)
     most = where.requests
     raise_limit(wiring.settings.bridge.max_connections + most.max_before_login + _BACKLOG + _DESCRIPTORS_KEPT)
     before_login = ConnectionsBeforeLogin(most.max_before_login, most.max_before_login_per_address)

@@ -15,6 +15,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import JSONResponse
 
 import backend
+from backend.audit import Audit
 from backend.bridge.limits import Limits
 from backend.bridge.login import Authenticator
 from backend.bridge.stop import RobotStop
@@ -58,20 +59,32 @@ class Health:
         }
 
 
-def router(authenticator: Authenticator, robot: RobotServerClient, robot_stop: RobotStop, health: Health) -> APIRouter:
-    """The routes `/api/stop`, `/api/release` and `/api/health`."""
+def router(
+    authenticator: Authenticator, robot: RobotServerClient, robot_stop: RobotStop, health: Health, audit: Audit
+) -> APIRouter:
+    """The routes `/api/stop`, `/api/release` and `/api/health`. `audit` is told who stops and releases."""
     routes = APIRouter(prefix="/api")
 
     @routes.post("/stop")
     async def stop(request: Request) -> JSONResponse:
-        return await _answer(robot_stop.press(authenticator.admit(request, to_stop=True)))
+        login = authenticator.admit(request, to_stop=True)
+        confirmed = False
+        try:
+            answer = await _answer(robot_stop.press(login))
+            confirmed = answer.status_code == 200
+            return answer
+        finally:  # also where the page that pressed has gone meanwhile
+            audit.record("stop", login.identity, confirmed=confirmed)
 
     @routes.post("/release")
     async def release(request: Request) -> JSONResponse:
         who = authenticator.admit(request).identity
         if not who.may(Right.RELEASE):
             return JSONResponse({"error": "Only a supervisor can release the stop."}, status_code=403)
-        return await _answer(robot.release(who.name))
+        answer = await _answer(robot.release(who.name))
+        if answer.status_code == 200:
+            audit.record("release", who)
+        return answer
 
     @routes.get("/health")
     async def ask_health() -> JSONResponse:

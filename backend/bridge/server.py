@@ -8,7 +8,7 @@ import socket
 
 import uvicorn
 
-from backend import addresses
+from backend import addresses, exposure
 from backend.bridge.app import create_app
 from backend.bridge.connection_limits import (
     DESCRIPTORS_PER_PAGE,
@@ -43,6 +43,7 @@ async def serve(settings: Settings, *, listener: socket.socket | None = None, li
     strangers = max_before_login_for(descriptors, most.max_before_login)
     before_login = ConnectionsBeforeLogin(strangers, most.max_before_login_per_address)
     app = create_app(settings, max_pages=max_pages_for(descriptors, wanted, strangers), limits=limits)
+    exposure.warn(settings, "bridge", log)
     bound = listener or listen(settings)
     host, port = bound.getsockname()[:2]
     server = uvicorn.Server(

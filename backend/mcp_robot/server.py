@@ -15,7 +15,7 @@ from collections.abc import Callable
 import uvicorn
 from starlette.applications import Starlette
 
-from backend import addresses, config, identity
+from backend import addresses, config, exposure, identity
 from backend.audit import Audit
 from backend.config import ConfigError, Settings
 from backend.connections_before_login import ConnectionsBeforeLogin
@@ -52,6 +52,7 @@ async def serve(
     `Ros2Missing` where ROS 2 cannot be used, and `ConfigError` for an address that cannot be had.
     """
     robot_settings = settings.robot
+    exposure.warn(settings, "robot", logger)
     robot, zones = built or robots.build(settings)
     pilot = Pilot(robot, StopLatch(settings.data_dir), robot_settings.limits, zones)
     robot.on_reroute = pilot.rerouted

@@ -8,6 +8,7 @@ from collections.abc import AsyncIterator
 
 import pytest
 
+from backend import audit, tokens
 from backend.bridge.limits import Limits
 from backend.config import Settings
 from backend.identity import Role
@@ -51,6 +52,30 @@ async def test_everyone_may_stop_and_only_a_supervisor_may_release(bridge_with, 
 
         released = await supervisor.post("/api/release")
         assert (released.status_code, released.json()) == (200, {"stopped": None})
+
+
+async def test_the_audit_log_says_who_stopped_and_released(bridge_with, robot):
+    data = robot.data_dir
+    async with (
+        bridge_with(robot={"port": robot.robot.port}) as bridge,
+        bridge.http(bridge.token(Role.VIEWER, "Vera")) as viewer,
+        bridge.http(bridge.token(Role.SUPERVISOR, "Susi")) as supervisor,
+    ):
+        await viewer.post("/api/stop")
+        await viewer.post("/api/release")  # refused
+        await supervisor.post("/api/release")
+    stop, release = [entry for entry in audit.entries(data) if entry["process"] == "bridge"]
+    assert (stop["event"], stop["by"], stop["role"], stop["confirmed"]) == ("stop", "Vera", "viewer", True)
+    assert (release["event"], release["by"], release["role"]) == ("release", "Susi", "supervisor")
+    ids = {one.name: one.id for one in tokens.records(data)}
+    assert (stop["token"], release["token"]) == (ids["Vera"], ids["Susi"])
+
+
+async def test_a_stop_that_is_not_confirmed_is_in_the_audit_log(bridge_with, settings_for):
+    async with bridge_with() as bridge, bridge.http(bridge.token(Role.VIEWER, "Vera")) as viewer:
+        assert (await viewer.post("/api/stop")).status_code == 503
+    (stop,) = [entry for entry in audit.entries(settings_for().data_dir) if entry["event"] == "stop"]
+    assert (stop["by"], stop["confirmed"]) == ("Vera", False)
 
 
 async def test_a_browser_stops_with_its_cookie_and_another_site_cannot(bridge_with, robot):

@@ -115,9 +115,7 @@ async def environment_of(robot: Robot, store: Store) -> AsyncIterator[TurnEnviro
     following = asyncio.create_task(link.run())
     await eventually(lambda: link.state, "the telemetry")
     audit = Audit(robot.data, "agent")
-    yield TurnEnvironment(
-        "Sancho", tools, Policy(), link, store, Lease(), 1.0, 10, 1.0, audit=Audit(robot.data, "agent")
-    )
+    yield TurnEnvironment("Sancho", tools, Policy(), link, store, Lease(), 1.0, 10, 1.0, audit=audit)
     following.cancel()
     await asyncio.gather(following, return_exceptions=True)
     await tools.close()
