@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).parent.parent
-GUIDES = ("README.md", "CONTRIBUTING.md")
+GUIDES = ("README.md", "CONTRIBUTING.md", "SECURITY.md")
 """Pages outside docs/ that are shown as pages, not as source."""
 LANGUAGES = {
     ".py": "python",

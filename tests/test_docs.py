@@ -17,7 +17,7 @@ from scripts import reference
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
-TEXTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *PAGES]
+TEXTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "SECURITY.md", *PAGES]
 MADE = {"site", "web/dist", "web/node_modules", ".venv"}
 """Folders that a command makes: git does not have them."""
 MOST_FILES = 15
@@ -64,8 +64,9 @@ def test_every_path_that_a_page_names_exists(page: Path) -> None:
     commands = "\n".join(_FENCE.findall(text))
     codes = _CODE.findall(_FENCE.sub("", text))
     paths = [match[1] for word in codes + commands.split() if (match := _PATH.match(word))]
-    paths += [module.replace(".", "/") + ".py" for module in _MODULE.findall(text)]
     assert not [path for path in paths if not exists(path)]
+    modules = [module.replace(".", "/") for module in _MODULE.findall(text)]
+    assert not [module for module in modules if not exists(f"{module}.py") and not exists(f"{module}/__main__.py")]
     names = {name.rpartition("/")[2] for name in tracked()}
     files = [match[1] for code in codes if (match := _FILE.match(code))]
     assert not [file for file in files if file not in names]

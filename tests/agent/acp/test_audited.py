@@ -59,11 +59,11 @@ async def test_whoever_stops_and_releases_is_in_the_log_of_agent_and_robot(robot
         await vera.new()
         await vera.prompt("/stop")
         await eventually(lambda: len(events(robot, "stop", process="agent", by="Vera")) == 2, "the second stop")
-        assert not events(robot, "release")
+        assert not events(robot, "release", by="Vera")
     finally:
         await sue.link.request("_robot/release", {})
-    assert (await one(robot, "release", process="agent"))["by"] == "Sue"
-    assert (await one(robot, "release", process="robot"))["by"] == "Sue"
+    assert (await one(robot, "release", process="agent", by="Sue"))["role"] == "supervisor"
+    assert (await one(robot, "release", process="robot", by="Sue"))["via"] == "HTTP"
 
 
 async def test_a_stop_over_http_has_the_name_of_its_body(robot: Robot) -> None:
