@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from backend import meta as keys
+from backend.visible import visible
 
 _KEYS = {"allow_once": "y", "reject_once": "n", "allow_always": "a", "reject_always": "v"}
 _WORDS = {"yes": "y", "no": "n"}
@@ -68,4 +69,4 @@ def _dict(value: object) -> dict[str, Any]:
 
 def _line(text: object) -> str:
     """A text of the agent as one line: with a line of its own it could pretend to be another question."""
-    return " ".join(str(text).split())
+    return visible(" ".join(str(text).split()))

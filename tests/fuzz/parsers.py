@@ -14,20 +14,24 @@ from acp.schema import NewSessionRequest, PromptRequest
 from pydantic import ValidationError
 from starlette.applications import Starlette
 from starlette.datastructures import Headers
-from starlette.requests import HTTPConnection
+from starlette.requests import HTTPConnection, Request
 
 from backend import dial, telemetry, tokens, wire
-from backend.agent.acp import settings
+from backend.agent.acp import content_limits, settings
 from backend.agent.offline import grammar, places
 from backend.agent.robot.server_addresses import Address, AllowList, ServerRefused
 from backend.bridge.line_splitter import LineSplitter
 from backend.bridge.login import Authenticator, LoginError
 from backend.bridge.origin import OriginError, OriginPolicy
 from backend.bridge.scene import control_socket, viser_internals
+from backend.bridge.scene.ticket import SceneTickets
+from backend.chat.question import Question
 from backend.chat.status import Status
 from backend.chat.view import View
+from backend.config import Storage
 from backend.identity import Role
 from backend.mcp_robot.http.access import Access
+from backend.mcp_robot.http.name_in_body import name_in_body
 from backend.tokens import Registry, RegistryError
 from backend.visible import visible
 from tests.fuzz.engine import Parser
@@ -38,7 +42,10 @@ TOKEN = tokens.create(DATA, "Ana", Role.VISITOR, 3600.0)
 REGISTRY = Registry(DATA)
 ACCESS = Access(Starlette(), b"t" * 40, "127.0.0.1")
 ALLOWED = AllowList(["http://lab.example:8000/mcp"])
+STORAGE = Storage()
 AUTHENTICATOR = Authenticator(REGISTRY, OriginPolicy("127.0.0.1", ["https://robot.example"]))
+TICKETS = SceneTickets(AUTHENTICATOR, DATA)
+ANA = REGISTRY.verify(TOKEN)
 SPLIT_LIMIT = 1_000
 
 
@@ -135,6 +142,31 @@ def _status(data: bytes) -> None:
     status = Status()
     status.apply(json.loads(data))
     assert status.line
+
+
+def _question(data: bytes) -> None:
+    question = Question.of(wire.check(data).body.get("params") or {})
+    assert question.text("Sancho").count("\n") == 1
+    for key in question.options:
+        assert question.choices
+        assert question.selected(key) is not None
+
+
+def _limits(data: bytes) -> None:
+    frame = wire.check(data)
+    content_limits.check(frame.method or "", frame.body.get("params") or {}, STORAGE)
+
+
+def _ticket(data: bytes) -> None:
+    assert TICKETS._read(_text(data), "a") == ANA
+
+
+def _name_in_body(data: bytes) -> None:
+    async def receive() -> dict[str, object]:
+        return {"type": "http.request", "body": data, "more_body": False}
+
+    name = asyncio.run(name_in_body(Request({"type": "http", "method": "POST"}, receive)))
+    assert name is None or isinstance(name, str)
 
 
 def _registry(data: bytes) -> None:
@@ -264,5 +296,20 @@ PARSERS = [
         *_json(*NOTICES), b"\n".join(_json(*NOTICES)),
     ), (wire.BadFrame,)),
     Parser("telemetry in the terminal", _status, _json(STATE, {"online": False}), (ValueError, RecursionError)),
+    Parser("questions in the terminal", _question, _json(
+        {"jsonrpc": "2.0", "id": "p1", "method": "session/request_permission", "params": {
+            "toolCall": {"title": "Say “Hi.”"}, "_meta": {"robot-acp/timeout_s": 60},
+            "options": [{"optionId": "a", "name": "Allow", "kind": "allow_once"},
+                        {"optionId": "b", "name": "Never", "kind": "reject_always"}]}},
+    ), (wire.BadFrame,)),
+    Parser("limits of what is kept", _limits, _json(
+        {"jsonrpc": "2.0", "id": 1, "method": "session/new", "params": {"cwd": "/", "mcpServers": []}},
+        {"jsonrpc": "2.0", "id": 1, "method": "session/prompt", "params": {"sessionId": "s", "prompt": [
+            {"type": "text", "text": "hi"}, {"type": "image", "data": "AAAA", "mimeType": "image/png"}]}},
+        {"jsonrpc": "2.0", "id": 1, "method": "session/list", "params": {
+            "cursor": "a", "_meta": {"robot-acp/search": "b"}}},
+    ), (wire.BadFrame, RequestError)),
+    Parser("tickets of the scene", _ticket, (TICKETS.make(ANA, "a").encode(),), (LoginError,)),
+    Parser("the name of who stops", _name_in_body, (b'{"by": "Ana"}',)),
     Parser("texts in front of people", _visible, ("a\u202e\x1b[2J\r\n👩\u200d🔬".encode(), b"plain")),
 ]  # fmt: skip

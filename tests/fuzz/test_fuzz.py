@@ -35,6 +35,7 @@ FOUND = {
         b'{"jsonrpc":"2.0","method":"a","params":{"sessionUpdate":"plan","entries":[{"content":{},"status":"pending"}]}}',
         b'{"jsonrpc":"2.0","method":"a","params":{"sessionUpdate":"tool_call_update","status":"odd"}}',
     ],
+    "the name of who stops": [b'{"x":' + b"[" * 4_000],
     "telemetry in the terminal": [b'{"online":true,"battery":{"level":1e999,"charging":false,"floor":0}}'],
 }
 """Inputs that once broke a parser."""

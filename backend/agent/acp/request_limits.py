@@ -1,7 +1,7 @@
-"""How much one login may ask for: requests a second, requests at once, and messages that are read.
+"""How much one person may ask for: requests a second, requests at once, and messages that are read.
 
-A login has one account for all its connections, over TCP and through the bridge. A connection without a token has an
-account of its own. A cancel and a stop are never refused and wait for no other request (`is_urgent`).
+A person has one account for all logins and connections, over TCP and through the bridge. A connection without a token
+has an account of its own. A cancel and a stop are never refused and wait for no other request (`is_urgent`).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 from acp.exceptions import RequestError
 
 from backend import wire
-from backend.agent.acp import commands
+from backend.agent.acp.content_limits import is_stop
 from backend.config import AgentRequests
 from backend.identity import Identity
 from backend.rates import TokenBucket
@@ -32,7 +32,7 @@ Clock = Callable[[], float]
 
 
 class Account:
-    """What one login asks for at present, over all its connections."""
+    """What one person asks for at present, over all connections."""
 
     def __init__(self, settings: AgentRequests, clock: Clock) -> None:
         self.pending = 0
@@ -62,7 +62,7 @@ class Account:
 
 
 class RequestLimits:
-    """The accounts of all logins of one agent."""
+    """The accounts of all persons of one agent."""
 
     def __init__(self, settings: AgentRequests | None = None, clock: Clock = time.monotonic) -> None:
         self.settings = settings or AgentRequests()
@@ -121,6 +121,4 @@ def too_many(sentence: str, wait: float) -> RequestError:
 
 def _is_stop(params: Any) -> bool:
     blocks = params.get("prompt") if isinstance(params, dict) else None
-    if not isinstance(blocks, list) or len(blocks) != 1 or not isinstance(blocks[0], dict):
-        return False
-    return isinstance(blocks[0].get("text"), str) and commands.named_in(blocks) == "stop"
+    return isinstance(blocks, list) and is_stop(blocks)

@@ -219,3 +219,32 @@ def _lock_file(file: Any) -> bool:
     except BlockingIOError:
         return False
     return True
+
+
+class Text(sa.TypeDecorator[str]):
+    """Text that every database accepts: without NUL, which PostgreSQL refuses, and without single surrogates, which
+    are no UTF-8. So no name and no title can prevent the log from being written."""
+
+    impl = sa.Text
+    cache_ok = True
+
+    def process_bind_param(self, value: str | None, dialect: sa.Dialect) -> str | None:
+        del dialect
+        return None if value is None else clean(value)
+
+
+def add_new_columns(metadata: sa.MetaData, engine: sa.Engine) -> None:
+    """Add the columns that a database of an earlier version lacks and that may be empty. Raises SQLAlchemy's errors."""
+    inspector = sa.inspect(engine)
+    for table in metadata.tables.values():
+        found = {column["name"] for column in inspector.get_columns(table.name)}
+        for column in table.columns:
+            if column.nullable and column.name not in found:
+                kind = column.type.compile(engine.dialect)
+                with engine.begin() as connection:
+                    connection.execute(sa.text(f"ALTER TABLE {table.name} ADD COLUMN {column.name} {kind}"))
+
+
+def clean(text: str) -> str:
+    """The text without what databases do not take: zero bytes and single surrogates."""
+    return text.replace("\0", "").encode("utf-8", "replace").decode()

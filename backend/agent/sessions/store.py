@@ -22,7 +22,15 @@ import orjson
 import sqlalchemy as sa
 
 from backend import meta as keys
-from backend.agent.sessions.database import StoreError, engine_for, prepare_vacuum, why
+from backend.agent.sessions.database import (
+    StoreError,
+    Text,
+    add_new_columns,
+    clean,
+    engine_for,
+    prepare_vacuum,
+    why,
+)
 from backend.identity import person_named
 
 log = logging.getLogger(__name__)
@@ -30,28 +38,16 @@ log = logging.getLogger(__name__)
 _metadata = sa.MetaData()
 
 
-class _Text(sa.TypeDecorator[str]):
-    """Text that every database accepts: without NUL, which PostgreSQL refuses, and without single surrogates, which
-    are no UTF-8. So no name and no title can prevent the log from being written."""
-
-    impl = sa.Text
-    cache_ok = True
-
-    def process_bind_param(self, value: str | None, dialect: sa.Dialect) -> str | None:
-        del dialect
-        return None if value is None else _clean(value)
-
-
 SESSIONS = sa.Table(
     "sessions",
     _metadata,
     sa.Column("id", sa.String(64), primary_key=True),
-    sa.Column("owner", _Text, nullable=False),
-    sa.Column("owner_id", _Text),  # NULL in sessions from before people had subjects
-    sa.Column("title", _Text),
-    sa.Column("cwd", _Text, nullable=False),
-    sa.Column("mode", _Text, nullable=False),
-    sa.Column("model", _Text, nullable=False),
+    sa.Column("owner", Text, nullable=False),
+    sa.Column("owner_id", Text),  # NULL in sessions from before people had subjects
+    sa.Column("title", Text),
+    sa.Column("cwd", Text, nullable=False),
+    sa.Column("mode", Text, nullable=False),
+    sa.Column("model", Text, nullable=False),
     sa.Column("start_pose", sa.JSON(none_as_null=True)),
     sa.Column("thought", sa.Boolean, nullable=False),
     sa.Column("motion_asks", sa.Boolean, nullable=False),
@@ -72,7 +68,7 @@ MAX_TEXT_CHARS = 8192
 """Longer texts of a session's row are read cut: a database can contain what an older version let in."""
 _ROW = sa.select(
     *(
-        sa.func.substr(column, 1, MAX_TEXT_CHARS).label(column.name) if isinstance(column.type, _Text) else column
+        sa.func.substr(column, 1, MAX_TEXT_CHARS).label(column.name) if isinstance(column.type, Text) else column
         for column in SESSIONS.c
     )
 )
@@ -189,7 +185,7 @@ class Store:
 
     async def session(self, session_id: str) -> SessionRow | None:
         """One session, or None."""
-        if len(session_id) > 64 or _clean(session_id) != session_id:
+        if len(session_id) > 64 or clean(session_id) != session_id:
             return None  # a client made it up: our ids are plain
         rows = await self.read(_ROW.where(SESSIONS.c.id == session_id))
         return SessionRow(**rows[0]._mapping) if rows else None
@@ -206,12 +202,12 @@ class Store:
         query = _ROW.where(has_events)
         if owner is not None:
             query = query.where(OWNER.in_((owner,)))
-        for word in _clean(search).lower().split()[:MAX_WORDS]:
+        for word in clean(search).lower().split()[:MAX_WORDS]:
             columns = (SESSIONS.c.title, SESSIONS.c.owner)
             query = query.where(sa.or_(*(sa.func.lower(c).contains(word, autoescape=True) for c in columns)))
         if before is not None:
             updated, session_id = before
-            query = query.where(sa.tuple_(SESSIONS.c.updated, SESSIONS.c.id) < sa.tuple_(updated, _clean(session_id)))
+            query = query.where(sa.tuple_(SESSIONS.c.updated, SESSIONS.c.id) < sa.tuple_(updated, clean(session_id)))
         query = query.order_by(SESSIONS.c.updated.desc(), SESSIONS.c.id.desc()).limit(limit)
         async with self._searching:
             return [SessionRow(**row._mapping) for row in await self.read(query)]
@@ -293,7 +289,7 @@ class Store:
     def _open(self) -> None:
         self._engine = engine_for(self._url, alone=self._writes, serialise=lambda value: as_json(value).decode())
         _metadata.create_all(self._engine)
-        _add_new_columns(self._engine)
+        add_new_columns(_metadata, self._engine)
         inspector = sa.inspect(self._engine)
         for table in _metadata.tables.values():
             found = {column["name"] for column in inspector.get_columns(table.name)}
@@ -388,18 +384,6 @@ class Store:
         return await asyncio.get_running_loop().run_in_executor(self._thread, work)
 
 
-def _add_new_columns(engine: sa.Engine) -> None:
-    """Add the columns that a database of an earlier version lacks and that may be empty. Raises SQLAlchemy's errors."""
-    inspector = sa.inspect(engine)
-    for table in _metadata.tables.values():
-        found = {column["name"] for column in inspector.get_columns(table.name)}
-        for column in table.columns:
-            if column.nullable and column.name not in found:
-                kind = column.type.compile(engine.dialect)
-                with engine.begin() as connection:
-                    connection.execute(sa.text(f"ALTER TABLE {table.name} ADD COLUMN {column.name} {kind}"))
-
-
 def as_json(value: object) -> bytes:
     """A value as JSON. Where a model or a server made a value that JSON does not have, it becomes a similar one: a
     single surrogate a question mark, a very large integer a float, NaN null."""
@@ -412,7 +396,3 @@ def as_json(value: object) -> bytes:
 
 def _number(digits: str) -> float:
     return int(digits) if len(digits) < 19 else float(digits)
-
-
-def _clean(text: str) -> str:
-    return text.replace("\0", "").encode("utf-8", "replace").decode()

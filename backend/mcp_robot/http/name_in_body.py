@@ -12,6 +12,8 @@ import contextlib
 import msgspec
 from starlette.requests import ClientDisconnect, Request
 
+from backend import wire
+
 MAX_BYTES = 4096
 SECONDS = 1.0
 """The time that a body may take."""
@@ -24,7 +26,7 @@ class _Body(msgspec.Struct):
 async def name_in_body(request: Request) -> str | None:
     """The name; None where the body has none that can be used."""
     body = bytearray()
-    with contextlib.suppress(TimeoutError, ClientDisconnect, msgspec.DecodeError, UnicodeDecodeError):
+    with contextlib.suppress(TimeoutError, ClientDisconnect, *wire.UNREADABLE):
         async with asyncio.timeout(SECONDS):
             async for piece in request.stream():
                 body += piece
