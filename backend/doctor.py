@@ -117,7 +117,8 @@ def _network(settings: Settings) -> Iterator[Finding]:
     processes: tuple[exposure.Process, ...] = ("robot", "agent", "bridge")
     for process in processes[0 if settings.drives_our_robot_server else 1 :]:
         if found := exposure.warning(settings, process):
-            yield warning(process, *found)
+            what, advice = found
+            yield warning(process, f"it {what}", f"{advice[0].upper()}{advice[1:]}.")
 
 
 async def _other_robot(settings: Settings) -> Finding:

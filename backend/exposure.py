@@ -20,24 +20,25 @@ _READABLE: dict[Process, str] = {
     "bridge": "login tokens, conversations, the camera and the map",
 }
 _ADVICE: dict[Process, str] = {
-    "robot": "Set robot.host to 127.0.0.1",
-    "agent": "Set agent.host to 127.0.0.1, and let clients come through the bridge",
-    "bridge": "Set bridge.host to 127.0.0.1, and put a reverse proxy with TLS in front of it",
+    "robot": "set robot.host to 127.0.0.1 (SECURITY.md)",
+    "agent": "set agent.host to 127.0.0.1 and let clients come through the bridge (SECURITY.md)",
+    "bridge": "set bridge.host to 127.0.0.1 and put a reverse proxy with TLS in front of it (SECURITY.md)",
 }
 
 
 def warning(settings: Settings, process: Process) -> tuple[str, str] | None:
-    """What anybody on the network can read, and what to do; None for a process that only this machine reaches."""
+    """What anybody on the network can read, and what to do, as two parts of a sentence about the process; None where only
+    this machine reaches it."""
     where = getattr(settings, process)
     if addresses.is_loopback(where.host):
         return None
     at = addresses.authority(where.host, where.port)
-    what = f"it listens on {at} without TLS, so anybody on that network can read {_READABLE[process]}"
-    return what, f"{_ADVICE[process]}. SECURITY.md says how."
+    what = f"listens on {at} without TLS, so anybody on that network can read {_READABLE[process]}"
+    return what, _ADVICE[process]
 
 
 def warn(settings: Settings, process: Process, log: logging.Logger) -> None:
     """Log the warning, where there is one, as a process begins."""
     if found := warning(settings, process):
         what, advice = found
-        log.warning("the %s: %s. %s", process, what, advice)
+        log.warning("the %s %s: %s", process, what, advice)

@@ -20,9 +20,9 @@ NOT_OURS = "192.0.2.1"
 @pytest.mark.parametrize(
     ("process", "readable", "advice"),
     [
-        ("robot", "the secret that moves the robot", "Set robot.host to 127.0.0.1."),
-        ("agent", "login tokens, conversations", "let clients come through the bridge."),
-        ("bridge", "login tokens, conversations, the camera", "put a reverse proxy with TLS in front of it."),
+        ("robot", "the secret that moves the robot", "set robot.host to 127.0.0.1"),
+        ("agent", "login tokens, conversations", "let clients come through the bridge"),
+        ("bridge", "login tokens, conversations, the camera", "put a reverse proxy with TLS in front of it"),
     ],
 )
 def test_a_process_warns_as_it_begins(tmp_path: Path, process: str, readable: str, advice: str) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import fcntl
+import os
 from typing import Any
 
 import httpx
@@ -64,6 +66,27 @@ async def test_whoever_stops_and_releases_is_in_the_log_of_agent_and_robot(robot
         await sue.link.request("_robot/release", {})
     assert (await one(robot, "release", process="agent", by="Sue"))["role"] == "supervisor"
     assert (await one(robot, "release", process="robot", by="Sue"))["via"] == "HTTP"
+
+
+async def test_a_log_that_cannot_be_written_delays_no_stop(robot: Robot, connect: Opener) -> None:
+    lea, sue = [await connect(robot.token(*who)) for who in (("Lea2", Role.VISITOR), ("Sue4", Role.SUPERVISOR))]
+    folder = os.open(robot.data, os.O_RDONLY)
+    try:
+        fcntl.flock(folder, fcntl.LOCK_EX)  # whoever writes waits for it
+        await lea.link.request("_robot/stop", {})
+        await sue.link.request("_robot/release", {})
+        assert not await asyncio.to_thread(lines_of, robot, "Lea2")
+    finally:
+        os.close(folder)
+    for process in ("agent", "robot"):
+        await one(robot, "stop", process=process, by="Lea2")
+        await one(robot, "release", process=process, by="Sue4")
+
+
+def lines_of(robot: Robot, name: str) -> list[str]:
+    """The stops of a person in the log, read without its lock."""
+    lines = (robot.data / audit.FILE).read_text().splitlines()
+    return [line for line in lines if f'"{name}"' in line and '"stop"' in line]
 
 
 async def test_a_stop_over_http_has_the_name_of_its_body(robot: Robot) -> None:
