@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from backend.agent.acp.people import People
 from backend.agent.acp.request_limits import RequestLimits
@@ -14,6 +14,7 @@ from backend.agent.sessions.sessions import Sessions
 from backend.agent.turns.environment import TurnEnvironment
 from backend.config import Settings
 from backend.tokens import Registry
+from backend.wrong_logins import WrongLogins
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,7 @@ class Wiring:
     """One agent. `models` are the names of the models that people may choose, the default first. `offers` decides which
     MCP servers a client may bring. `link` carries the robot's state, its stop and its release. `requests` limits what a
     login may ask for. `local_token` is what the commands of the agent's own user bring where the system does not list
-    users (`local_user`), else None.
+    users (`local_user`), else None. `wrong_logins` counts refused tokens.
     """
 
     settings: Settings
@@ -36,3 +37,4 @@ class Wiring:
     people: People
     requests: RequestLimits
     local_token: str | None = None
+    wrong_logins: WrongLogins = field(default_factory=WrongLogins)

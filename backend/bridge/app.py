@@ -14,6 +14,7 @@ from starlette.exceptions import HTTPException
 from starlette.routing import BaseRoute, Route, WebSocketRoute
 
 from backend import tokens
+from backend.audit import Audit
 from backend.bridge import api, login
 from backend.bridge.acp_socket import AcpSocket
 from backend.bridge.connection_limits import SCENE_SOCKETS_PER_PAGE, ConnectionLimit
@@ -30,6 +31,7 @@ from backend.bridge.upstream import agent_at
 from backend.bridge.web_app import SecurityHeaders, WebApp
 from backend.config import Settings
 from backend.robot_server import RobotServerClient
+from backend.wrong_logins import WrongLogins
 
 WEB_DIST = Path(__file__).resolve().parents[2] / "web" / "dist"
 
@@ -44,7 +46,9 @@ def create_app(
     bridge, limits = settings.bridge, limits or Limits()
     origins = OriginPolicy(bridge.host, bridge.allowed_origins)
     registry = tokens.Registry(settings.data_dir)
-    authenticator = login.Authenticator(registry, origins)
+    audit = Audit(settings.data_dir, "bridge")
+    authenticator = login.Authenticator(registry, origins, WrongLogins(bridge.requests.wrong_logins, audit))
+    cookies = login.Cookies(authenticator, settings.data_dir, audit)
     agent = agent_at(settings.agent_address, limits)
     robot = RobotServerClient.of(settings, settings.bridge_robot_base_url)
     health = api.Health(agent, robot, settings.robot.name, limits)
@@ -61,15 +65,16 @@ def create_app(
                 task.cancel()
             await asyncio.gather(*background, return_exceptions=True)
             await robot.close()
+            await asyncio.to_thread(audit.close)
 
     app = FastAPI(lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
     app.add_middleware(HostGuard, policy=origins)
     app.add_middleware(SecurityHeaders)
-    app.add_exception_handler(login.LoginError, _error_with_status(401))
+    app.add_exception_handler(login.LoginError, _login_error)
     app.add_exception_handler(OriginError, _error_with_status(403))
     app.add_exception_handler(tokens.RegistryError, _error_with_status(503))
     app.add_exception_handler(HTTPException, _http_error)
-    app.include_router(login.router(authenticator, settings.robot.name))
+    app.include_router(login.router(authenticator, cookies, settings.robot.name))
     app.include_router(api.router(authenticator, robot, RobotStop(robot, settings.agent_address), health))
     pages, per_login = max_pages or bridge.max_connections, limits.pages_per_login
     acp_pace = ReadingPace(bridge.requests)
@@ -110,6 +115,11 @@ def _error_with_status(status: int) -> Any:
         return JSONResponse({"error": str(error)}, status_code=status)
 
     return answer
+
+
+async def _login_error(_: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, login.LoginError)  # noqa: S101 - it is registered for this exception
+    return error.answer()
 
 
 async def _http_error(_: Request, error: Exception) -> JSONResponse:

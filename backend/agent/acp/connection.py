@@ -65,7 +65,8 @@ class ClientConnection:
         self._own_account = self._limits.new()
         self._pace = ReadingPace()
         self._before_login = before_login
-        self._host: str | None = (writer.get_extra_info("peername") or [None])[0] or None
+        self.host: str | None = (writer.get_extra_info("peername") or [None])[0] or None
+        """The address of the client; None on stdio."""
         self._identity: Identity | None = None
         self._count_before_login()
         self._questions_asked = 0
@@ -137,7 +138,7 @@ class ClientConnection:
             return
         self._before_login.remove(self)
         if self._identity is None:
-            self._before_login.add(self, self._host, self._outbox.abort)
+            self._before_login.add(self, self.host, self._outbox.abort)
 
     async def _handle_messages(self, router: MessageRouter) -> None:
         async with asyncio.TaskGroup() as handlers:
