@@ -188,6 +188,7 @@ class AgentRequests(_Section):
     max_bytes_before_login: int = Field(64 * 1024, ge=4096, description="of one message")
     max_before_login: int = Field(256, ge=8, description="connections before login; beyond it the oldest is closed")
     max_before_login_per_address: int = Field(16, ge=1, description="the same from one address, except loopback")
+    wrong_logins: int = Field(30, ge=1, description="a minute from one address; more are told to wait")
 
 
 class Agent(_Section):
@@ -247,6 +248,7 @@ class BridgeRequests(_Section):
         256, ge=8, description="connections that are no page's WebSocket; beyond it the oldest is closed"
     )
     max_before_login_per_address: int = Field(64, ge=1, description="the same from one address, except loopback")
+    wrong_logins: int = Field(30, ge=1, description="a minute from one address; more are answered with 429")
 
 
 class Bridge(_Section):

@@ -1,4 +1,4 @@
-"""A token bucket: how often something may happen. Plain arithmetic, without a clock: the time is passed in."""
+"""Token buckets: how often something may happen. Plain arithmetic, without a clock: the time is passed in."""
 
 from __future__ import annotations
 
@@ -38,3 +38,24 @@ class TokenBucket:
         if self._refilled_at > float("-inf"):
             self._tokens = min(self._burst, self._tokens + (now - self._refilled_at) * self._rate)
         self._refilled_at = now
+
+
+class Buckets:
+    """A token bucket for each key. At most `most` are kept: full ones are forgotten first, then the oldest."""
+
+    def __init__(self, rate: float, burst: float, most: int = 1024) -> None:
+        self._rate = rate
+        self._burst = burst
+        self._most = most
+        self._buckets: dict[str, TokenBucket] = {}
+
+    def take(self, key: str, now: float) -> float:
+        """As `TokenBucket.take`, of the bucket of `key`."""
+        bucket = self._buckets.get(key)
+        if bucket is None:
+            if len(self._buckets) >= self._most:
+                self._buckets = {key: kept for key, kept in self._buckets.items() if not kept.is_full(now)}
+            if len(self._buckets) >= self._most:
+                del self._buckets[next(iter(self._buckets))]
+            bucket = self._buckets[key] = TokenBucket(self._rate, self._burst)
+        return bucket.take(now)

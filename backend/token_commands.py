@@ -1,7 +1,7 @@
-"""The commands `robot-acp token` and `robot-acp key`: their arguments, and one short function for each.
+"""The commands `robot-acp login`, `token` and `key`: their arguments, and one short function for each.
 
-No token is printed but by `token create`, and no key at all. What takes long to import is imported in the functions, so
-that `robot-acp --help` does not wait for it.
+No token is printed but by `token create`, no code but by `login`, and no key at all. What takes long to import is
+imported in the functions, so that `robot-acp --help` does not wait for it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ MAX_NAME_CHARS = 60
 
 
 def add_to(commands: Any) -> None:
-    """Add `token` and `key` to the commands of a parser."""
+    """Add `login`, `token` and `key` to the commands of a parser."""
+    login = commands.add_parser("login", help="print an address that logs you in as a supervisor, once")
+    login.set_defaults(run=_login)
     _add_token(commands.add_parser("token", help="login tokens: create, list, revoke"))
     _add_key(commands.add_parser("key", help="the key that signs login tokens"))
 
@@ -45,6 +47,7 @@ def _add_token(parser: argparse.ArgumentParser) -> None:
 
     listing = commands.add_parser("list", help="who has a token, and whether it is valid; never the token itself")
     listing.add_argument("--json", action="store_true", help="print them as JSON")
+    listing.add_argument("--logins", action="store_true", help="also the logins of browsers, and one-time codes")
     listing.set_defaults(run=_list)
 
     revoke = commands.add_parser("revoke", help="end a login, also where it is in use now")
@@ -86,6 +89,16 @@ def _end(text: str) -> float:
     return time.time() + (0.0 if text == "now" else _lifetime(text))
 
 
+def _login(settings: config.Settings, _options: argparse.Namespace) -> int:
+    from backend import logins  # see above
+
+    code = logins.new_code(settings.data_dir)
+    minutes = logins.CODE_LIFETIME_S / 60
+    print(f"Open this address in a browser within {minutes:g} minutes. It works once:\n")
+    print(f"  {settings.bridge_url}/#token={code}\n")
+    return 0
+
+
 def _create(settings: config.Settings, options: argparse.Namespace) -> int:
     from backend import audit, identity, tokens  # see above
 
@@ -100,27 +113,31 @@ def _create(settings: config.Settings, options: argparse.Namespace) -> int:
 def _list(settings: config.Settings, options: argparse.Namespace) -> int:
     from backend import tokens  # see above
 
-    records = tokens.records(settings.data_dir)
+    logins = options.logins
+    records = [record for record in tokens.records(settings.data_dir) if logins or record.is_access]
     if options.json:
-        print(json.dumps([_columns(record, "seconds", UTC) for record in records], indent=2, ensure_ascii=False))
+        rows = [_columns(record, "seconds", UTC, kind=logins) for record in records]
+        print(json.dumps(rows, indent=2, ensure_ascii=False))
     elif not records:
         print("There are no login tokens yet. `robot-acp token create` makes one.")
     else:
-        rows = [_columns(record, "minutes") for record in records]
+        rows = [_columns(record, "minutes", kind=logins) for record in records]
         widths = {column: max(len(column), *(len(row[column]) for row in rows)) for column in rows[0]}
         for row in ({column: column.upper() for column in widths}, *rows):
             print("  ".join(row[column].ljust(width) for column, width in widths.items()).rstrip())
     return 0
 
 
-def _columns(record: tokens.Record, precision: str, zone: tzinfo | None = None) -> dict[str, str]:
-    """A token as `token list` shows it, with times in `zone`; None is the time zone of this computer."""
+def _columns(record: tokens.Record, precision: str, zone: tzinfo | None = None, *, kind: bool) -> dict[str, str]:
+    """A token as `token list` shows it, with times in `zone`; None is the time zone of this computer. `kind` adds what
+    it is, and the token that a login was made with."""
     created, expires = (
         datetime.fromtimestamp(when, zone).isoformat(" " if zone is None else "T", precision)
         for when in (record.created, record.expires)
     )
+    extra = {"kind": record.kind, "parent": record.parent} if kind else {}
     who = {"id": record.id, "name": record.name, "role": record.role.value}
-    return who | {"created": created, "expires": expires, "state": record.state}
+    return who | {"created": created, "expires": expires, "state": record.state} | extra
 
 
 def _revoke(settings: config.Settings, options: argparse.Namespace) -> int:

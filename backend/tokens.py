@@ -35,6 +35,7 @@ LONGEST_S = 3650 * 86400.0
 _KEPT_S = 30 * 86400.0
 """How long the list keeps an expired token, for people who ask what happened to it."""
 
+_UNREADABLE = "Nobody can log in now: the robot cannot read its list of tokens. Its log says what to do."
 _UNIT_S = {"m": 60, "h": 3600, "d": 86400}
 
 log = logging.getLogger(__name__)
@@ -44,10 +45,12 @@ class RegistryError(Exception):
     """The list cannot be read or written, or lacks the requested token; the text says what to do."""
 
 
-class Record(msgspec.Struct, frozen=True):
+class Record(msgspec.Struct, frozen=True, omit_defaults=True):
     """One token of the list. Times are Unix seconds; `revoked` is when it was revoked, None where it was not.
 
     `subject` is the person: all tokens of one person have the same, and no other person has it, whatever the names are.
+    A "token" is given to a person. A "login" is in one browser's cookie (`logins`): `parent` is the id of the token
+    that was shown for it, empty where it was a one-time code. A "code" is such a code, and `code` is its SHA-256.
     """
 
     id: str
@@ -57,6 +60,14 @@ class Record(msgspec.Struct, frozen=True):
     expires: float
     revoked: float | None = None
     subject: str = ""
+    kind: Literal["token", "login", "code"] = "token"
+    parent: str = ""
+    code: str = ""
+
+    @property
+    def is_access(self) -> bool:
+        """Whether it is the reason why somebody may log in, and not a login that follows from it or a code."""
+        return self.kind != "code" and not self.parent
 
     @property
     def state(self) -> Literal["valid", "expired", "revoked"]:
@@ -96,7 +107,7 @@ def create(data_dir: Path, name: str, role: Role, lifetime_s: float, *, same_per
     key = identity.shared_secret(data_dir, identity.SIGNING_KEY)
     with _locked(data_dir):
         known = records(data_dir)
-        record = _record(name, role, lifetime_s, _subject(known, name, role, same_person=same_person))
+        record = _record(name, role, lifetime_s, subject_of(known, name, role, same_person=same_person))
         _add(data_dir, known, record)
     return identity.issue(key, name, role, lifetime_s, record.id, record.subject)
 
@@ -110,14 +121,14 @@ def _add(data_dir: Path, known: Sequence[Record], record: Record) -> None:
     _write(data_dir, [*(old for old in known if record.created - old.expires < _KEPT_S), record])
 
 
-def _subject(known: Sequence[Record], name: str, role: Role, *, same_person: bool) -> str:
+def subject_of(known: Sequence[Record], name: str, role: Role, *, same_person: bool) -> str:
     """The person for whom a new token is. Raises `RegistryError`."""
     if _alike(name, identity.LOCAL.name):
         raise RegistryError(f"{name!r} is what people without a token are called. Choose another name.")
     namesakes = [one for one in known if _alike(one.name, name)]
     if not namesakes:
         return secrets.token_hex(8)
-    newest = namesakes[-1]
+    newest = ([one for one in namesakes if one.is_access] or namesakes)[-1]
     if not same_person:
         raise RegistryError(
             f"There is {newest.name!r} already: {newest.role.value}, token {newest.id}, {newest.state}. For a further "
@@ -154,7 +165,8 @@ def records(data_dir: Path) -> list[Record]:
 def revoke(data_dir: Path, id_or_name: str) -> list[Record]:
     """Revoke the token with this id, or all tokens with this name. Returns those that were valid until now.
 
-    Raises `RegistryError` when no token has this id or name.
+    The logins that were made with them end, too; such a login is returned only if `id_or_name` is its own id. Raises
+    `RegistryError` when no token has this id or name.
     """
     if not data_dir.is_dir():
         raise RegistryError(_unknown(id_or_name, []))
@@ -164,10 +176,24 @@ def revoke(data_dir: Path, id_or_name: str) -> list[Record]:
         if not meant:
             raise RegistryError(_unknown(id_or_name, known))
         now = time.time()
-        revoked = {one.id: msgspec.structs.replace(one, revoked=now) for one in meant if one.state == "valid"}
+        ids = {one.id for one in meant}
+        ending = [one for one in known if {one.id, one.parent} & ids and one.state == "valid"]
+        revoked = {one.id: msgspec.structs.replace(one, revoked=now) for one in ending}
         if revoked:
             _write(data_dir, [revoked.get(one.id, one) for one in known])
-    return list(revoked.values())
+    return [one for one in revoked.values() if one.is_access or one.id == id_or_name]
+
+
+@contextmanager
+def changing(data_dir: Path) -> Iterator[list[Record]]:
+    """The list, to be changed in place; it is written at the end if it was changed. Raises `RegistryError`, `OSError`,
+    `UnsafeFile`. It waits for other writers and for the disk, so an event loop must use a thread."""
+    with _locked(data_dir):
+        known = records(data_dir)
+        before = list(known)
+        yield known
+        if known != before:
+            _write(data_dir, known)
 
 
 def rotate_key(data_dir: Path, until: float) -> int:
@@ -186,7 +212,7 @@ def rotate_key(data_dir: Path, until: float) -> int:
             raise RegistryError(f"The keys in {data_dir} cannot be written: {error.strerror}.") from None
         valid = [one for one in known if one.state == "valid"]
         _write(data_dir, [_cut(one, until, now) if one.state == "valid" else one for one in known])
-    return len(valid)
+    return sum(one.is_access for one in valid)
 
 
 def _cut(record: Record, until: float, now: float) -> Record:
@@ -219,18 +245,23 @@ class Registry:
         who = identity.verify(self._keys.accepted(), token)
         record = self._records.get(who.token_id or "")
         if record is not None and record.revoked is not None:
-            raise InvalidToken("This login token was revoked. Ask for a new one.")
+            raise InvalidToken(self._why_revoked(record, "This login token was revoked. Ask for a new one."))
         if self._error is not None:
             if to_stop:
                 return who
-            raise RegistryError(
-                "Nobody can log in now: the robot cannot read its list of tokens. Its log says what to do."
-            )
+            raise RegistryError(_UNREADABLE)
         if record is None:
             raise InvalidToken("This login token is not known to this robot. Ask for a new one.")
         if record.state == "expired":
             raise InvalidToken("This login token has expired. Ask for a new one.")
         return _identity(who, record)
+
+    def find_code(self, digest: str) -> Record | None:
+        """The one-time code with this SHA-256, or the login that it has become. Raises `RegistryError`."""
+        self._reload()
+        if self._error is not None:
+            raise RegistryError(_UNREADABLE)
+        return next((one for one in self._records.values() if one.code == digest), None)
 
     def ended(self, who: Identity | None) -> str | None:
         """Why an accepted login has ended, as a sentence for that person; None while it is valid."""
@@ -265,7 +296,15 @@ class Registry:
             return None if self._error else "Your login is no longer known. Ask for a new one."
         if record.state == "expired":
             return "Your login has expired. Log in again."
-        return None if record.revoked is None else "Your login was revoked. Ask for a new one."
+        if record.revoked is None:
+            return None
+        return self._why_revoked(record, "Your login was revoked. Ask for a new one.")
+
+    def _why_revoked(self, record: Record, sentence: str) -> str:
+        """`sentence`, unless only this login has ended: by a logout, or because there were too many newer ones."""
+        parent = self._records.get(record.parent)
+        alone = record.kind == "login" and (parent is None or parent.revoked is None)
+        return "This login has ended. Log in again." if alone else sentence
 
     def _reload(self) -> None:
         """Read keys and list if they have changed. A failure is logged once, and what was read before remains."""
@@ -352,6 +391,6 @@ def _cannot_read(path: Path, error: Exception) -> str:
 
 
 def _unknown(id_or_name: str, known: Sequence[Record]) -> str:
-    valid = [f"{one.id} ({one.name})" for one in known if one.state == "valid"]
+    valid = [f"{one.id} ({one.name})" for one in known if one.is_access and one.state == "valid"]
     exist = f"Valid ones: {', '.join(valid)}." if valid else "There is no valid one."
     return f"There is no token with the id or name {id_or_name!r}. {exist}"

@@ -21,9 +21,8 @@ from pathlib import Path
 
 import httpx
 
-from backend import addresses, identity, robot_address, tokens
+from backend import addresses, identity, logins, robot_address
 from backend.config import ConfigError, Settings
-from backend.identity import Role
 
 log = logging.getLogger(__name__)
 
@@ -38,7 +37,6 @@ RESTART_PAUSES_S = (0.2, 1.0, 3.0, 10.0, 30.0, 60.0)
 """Before the first, second and each further restart of a process."""
 STEADY_S = 30.0
 """A process that has run for longer than this is restarted as for the first time."""
-LOGIN_DAYS = 7.0
 MISSING_AFTER_S = 10.0
 """After the bridge answers, agent and robot have this long before the greeting says that they are missing."""
 DEMO_DOMAINS = range(10, 100)
@@ -67,12 +65,12 @@ async def run(settings: Settings, config_file: Path | None) -> int:
     if "ros2-demo" in names:
         environment |= _demo_domain(settings, environment)
     identity.shared_secret(settings.data_dir, identity.ROBOT_TOKEN)
-    token = tokens.create(settings.data_dir, "supervisor", Role.SUPERVISOR, LOGIN_DAYS * 86400, same_person=True)
+    code = logins.new_code(settings.data_dir)
     status = 0
     try:
         async with asyncio.TaskGroup() as group:
             keepers = [group.create_task(_keep(name, _address(settings, name), environment)) for name in names]
-            greeter = group.create_task(_greet(settings, token))
+            greeter = group.create_task(_greet(settings, code))
             await ending.wait()
             for task in (*keepers, greeter):
                 task.cancel()
@@ -211,7 +209,7 @@ async def _end(process: asyncio.subprocess.Process) -> None:
             await process.wait()
 
 
-async def _greet(settings: Settings, token: str) -> None:
+async def _greet(settings: Settings, code: str) -> None:
     """Wait until all three answer, then print the dashboard's address; name those that are missing after a while."""
     base = settings.bridge_url
     loop = asyncio.get_running_loop()
@@ -226,7 +224,8 @@ async def _greet(settings: Settings, token: str) -> None:
                     break
             await asyncio.sleep(0.05)
     state = "is ready" if not missing else f"is not all there: no answer from the {' and the '.join(missing)} yet"
-    print(f"\n{settings.robot.name} {state}. Open this address in a browser:\n\n  {base}/#token={token}\n", flush=True)
+    print(f"\n{settings.robot.name} {state}. Open this address in a browser:\n\n  {base}/#token={code}\n")
+    print("It works once; `robot-acp login` prints another.\n", flush=True)
 
 
 def _environment(settings: Settings, config_file: Path | None) -> dict[str, str]:

@@ -47,8 +47,9 @@ ROBOT_PATHS: Final = {
     "GET, POST, DELETE /mcp": "MCP over Streamable HTTP: the [tools](tools.md).",
 }
 BRIDGE_PATHS: Final = {
-    "POST /api/login": "`{token}`: sets the login cookie. Answers as `GET /api/me`.",
-    "POST /api/logout": "Removes the login cookie.",
+    "POST /api/login": "`{token}`, a login token or a one-time code: begins a login and sets its cookie. Answers as "
+    "`GET /api/me`, or 429 and `Retry-After` after many wrong logins.",
+    "POST /api/logout": "Ends the login of the cookie, wherever it is in use, and removes the cookie.",
     "GET /api/me": "Who is logged in: `{name, role, robot, expires}`.",
     "POST /api/stop": "Stops the robot, for everyone who is logged in. It needs no agent. Answers "
     "`{stopped: {by, at}}`, or 503 and `{error}` where the robot's server has not confirmed it "

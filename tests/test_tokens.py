@@ -12,10 +12,11 @@ import time
 from datetime import datetime
 from pathlib import Path
 
+import httpx
 import pytest
 
-from backend import identity, tokens
-from backend.chat.link import LinkError
+from backend import identity, logins, tokens
+from backend.chat.link import LinkError, RefusedError
 from backend.cli import main
 from backend.identity import InvalidToken, Role
 from backend.tokens import Registry, RegistryError, lifetime
@@ -284,16 +285,87 @@ def test_a_writer_that_died_in_the_middle_leaves_the_list_as_it_was(robot: Robot
 
 
 @pytest.mark.processes
-def test_the_login_that_up_prints_is_in_the_list(robot: Robot) -> None:
-    up = robot.start("up", stdout=subprocess.PIPE)
-    try:
-        assert up.stdout is not None
-        token = next(line.partition("#token=")[2].strip() for line in up.stdout if "#token=" in line)
-    finally:
-        end(up)
-    (record,) = tokens.records(robot.data)
-    assert (record.name, record.state) == ("supervisor", "valid")
-    assert Registry(robot.data).verify(token).token_id == record.id
+def test_up_makes_a_code_and_no_token_however_often_it_is_started(robot: Robot) -> None:
+    for number in (1, 2):
+        up = robot.start("up", stdout=subprocess.PIPE)
+        try:
+            assert up.stdout is not None
+            code = next(line.partition("#token=")[2].strip() for line in up.stdout if "#token=" in line)
+        finally:
+            end(up)
+        assert listed(robot) == []
+        assert len(tokens.records(robot.data)) == number
+        record = Registry(robot.data).find_code(logins.digest(code))
+        assert record is not None
+        assert (record.kind, record.name, record.role) == ("code", "supervisor", Role.SUPERVISOR)
+        assert record.expires - record.created <= 15 * 60
+        assert code not in (robot.data / tokens.REGISTRY).read_text()
+
+
+def test_the_login_command_prints_an_address_with_a_new_code(robot: Robot) -> None:
+    said = subprocess.run(
+        robot.command("login"), env=robot.variables, text=True, capture_output=True, timeout=PATIENCE_S
+    )
+    first, url = said.stdout.split("\n\n")[:2]
+    assert first == "Open this address in a browser within 15 minutes. It works once:"
+    address, code = url.strip().split("/#token=")
+    assert address == f"http://127.0.0.1:{robot.bridge_port}"
+    who, _ = logins.by_code(robot.data, code)
+    assert (who.name, who.role) == ("supervisor", Role.SUPERVISOR)
+
+
+def test_the_list_shows_logins_and_codes_only_when_asked(robot: Robot) -> None:
+    who = Registry(robot.data).verify(robot.token("Ana", Role.OPERATOR))
+    logins.by_token(robot.data, who)
+    logins.new_code(robot.data)
+    assert [about["name"] for about in listed(robot)] == ["Ana"]
+    all_of_them = json.loads(command(robot, "list", "--json", "--logins").stdout)
+    shown = [(about["name"], about["kind"], about["parent"]) for about in all_of_them]
+    assert shown == [("Ana", "token", ""), ("Ana", "login", who.token_id), ("supervisor", "code", "")]
+    header, *rows = command(robot, "list", "--logins").stdout.splitlines()
+    assert header.split()[-2:] == ["KIND", "PARENT"]
+    assert len(rows) == 3
+    assert "code" not in command(robot, "list").stdout
+
+
+def test_a_login_that_was_made_with_a_code_is_listed_and_can_be_revoked(robot: Robot) -> None:
+    who, cookie = logins.by_code(robot.data, logins.new_code(robot.data))
+    (about,) = listed(robot)
+    assert (about["id"], about["name"], about["state"]) == (who.token_id, "supervisor", "valid")
+    assert command(robot, "revoke", "supervisor").stdout == f"Revoked {who.token_id} of supervisor (supervisor).\n"
+    with pytest.raises(InvalidToken):
+        Registry(robot.data).verify(cookie)
+
+
+def test_what_follows_from_a_token_ends_with_it_and_is_not_counted(robot: Robot) -> None:
+    ana = Registry(robot.data).verify(robot.token("Ana", Role.OPERATOR))
+    cookies = [logins.by_token(robot.data, ana)[1] for _ in range(3)]
+    said = command(robot, "revoke", "Ana").stdout
+    assert said == f"Revoked {ana.token_id} of Ana (operator).\n"
+    for cookie in cookies:
+        with pytest.raises(InvalidToken, match="was revoked"):
+            Registry(robot.data).verify(cookie)
+    with pytest.raises(InvalidToken):
+        logins.by_token(robot.data, ana)
+
+
+def test_few_codes_are_valid_at_once_and_the_newest_is_among_them(robot: Robot) -> None:
+    codes = [logins.new_code(robot.data) for _ in range(2 * logins.MOST + 3)]
+    known = tokens.records(robot.data)
+    assert [one.state for one in known] == ["revoked"] * logins.MOST + ["valid"] * logins.MOST
+    with pytest.raises(InvalidToken):
+        logins.by_code(robot.data, codes[0])
+    assert logins.by_code(robot.data, codes[-1])[0].name == "supervisor"
+
+
+def test_a_new_key_at_once_ends_codes_and_logins_too(robot: Robot) -> None:
+    ana = Registry(robot.data).verify(robot.token("Ana", Role.OPERATOR))
+    logins.by_token(robot.data, ana)
+    code = logins.new_code(robot.data)
+    assert tokens.rotate_key(robot.data, time.time()) == 1
+    with pytest.raises(InvalidToken):
+        logins.by_code(robot.data, code)
+    assert {one.state for one in tokens.records(robot.data)} == {"revoked"}
 
 
 @pytest.mark.processes
@@ -311,3 +383,23 @@ async def test_the_revoke_command_ends_a_login_in_use_in_every_process(robot: Ro
             await Client.open(f"ws://127.0.0.1:{robot.bridge_port}/acp", token)
         for client in (web, direct):
             await client.close()
+
+
+@pytest.mark.processes
+async def test_a_logout_at_the_bridge_ends_the_login_in_the_agent_too(robot: Robot) -> None:
+    token = robot.token("Ana", Role.SUPERVISOR)
+    with robot.running("agent", port=robot.agent_port), robot.running("bridge", port=robot.bridge_port):
+        base = f"http://127.0.0.1:{robot.bridge_port}"
+        async with httpx.AsyncClient(base_url=base, trust_env=False, timeout=PATIENCE_S) as http:
+            cookie = (await http.post("/api/login", json={"token": token})).cookies["robot_acp"]
+            direct = await Client.open(f"tcp://127.0.0.1:{robot.agent_port}")
+            await direct.link.request("authenticate", {"methodId": "token", "_meta": {"robot-acp/token": cookie}})
+            await direct.new()
+            assert (await http.post("/api/logout", headers={"Origin": base})).status_code == 204
+            async with asyncio.timeout(PATIENCE_S):
+                await direct.link.closed
+            await direct.close()
+        late = await Client.open(f"tcp://127.0.0.1:{robot.agent_port}")
+        with pytest.raises(RefusedError, match="This login has ended"):
+            await late.link.request("authenticate", {"methodId": "token", "_meta": {"robot-acp/token": cookie}})
+        await late.close()

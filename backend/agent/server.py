@@ -38,6 +38,7 @@ from backend.robot_server import RobotServerClient
 from backend.sockets import notice_loss
 from backend.stdio import stdin, stdout
 from backend.tokens import Registry
+from backend.wrong_logins import WrongLogins
 
 log = logging.getLogger(__name__)
 
@@ -130,7 +131,8 @@ async def _serve_client(
         if before_login is not None:
             before_login.remove(connection)
         if connection.initialized:  # else it was no ACP client
-            log.info("client %s (%s) left", connection.id, connection.name)
+            level = logging.INFO if connection.identity else logging.DEBUG  # no line for each wrong token
+            log.log(level, "client %s (%s) left", connection.id, connection.name)
 
 
 async def _dismiss_when_login_ends(tokens: Registry, connection: ClientConnection) -> None:
@@ -198,6 +200,7 @@ async def _wiring(settings: Settings, local_token: str | None) -> AsyncIterator[
         requests=RequestLimits(agent.requests),
         audit=audit,
         local_token=local_token,
+        wrong_logins=WrongLogins(agent.requests.wrong_logins, audit),
     )
     background = [
         asyncio.create_task(tokens.run(), name="tokens"),

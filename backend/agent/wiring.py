@@ -15,6 +15,7 @@ from backend.agent.turns.environment import TurnEnvironment
 from backend.audit import Audit
 from backend.config import Settings
 from backend.tokens import Registry
+from backend.wrong_logins import WrongLogins
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,7 @@ class Wiring:
     MCP servers a client may bring. `link` carries the robot's state, its stop and its release. `requests` limits what a
     login may ask for. `audit` is told who logged in, stopped, released and changed what. `local_token` is what the
     commands of the agent's own user bring where the system does not list users (`local_user`), else None.
+    `wrong_logins` counts refused tokens.
     """
 
     settings: Settings
@@ -37,4 +39,5 @@ class Wiring:
     people: People
     requests: RequestLimits
     audit: Audit
+    wrong_logins: WrongLogins
     local_token: str | None = None

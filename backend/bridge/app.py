@@ -31,6 +31,7 @@ from backend.bridge.upstream import agent_at
 from backend.bridge.web_app import SecurityHeaders, WebApp
 from backend.config import Settings
 from backend.robot_server import RobotServerClient
+from backend.wrong_logins import WrongLogins
 
 WEB_DIST = Path(__file__).resolve().parents[2] / "web" / "dist"
 
@@ -45,12 +46,13 @@ def create_app(
     bridge, limits = settings.bridge, limits or Limits()
     origins = OriginPolicy(bridge.host, bridge.allowed_origins)
     registry = tokens.Registry(settings.data_dir)
-    authenticator = login.Authenticator(registry, origins)
+    audit = Audit(settings.data_dir, "bridge")
+    authenticator = login.Authenticator(registry, origins, WrongLogins(bridge.requests.wrong_logins, audit))
+    cookies = login.Cookies(authenticator, settings.data_dir, audit)
     agent = agent_at(settings.agent_address, limits)
     robot = RobotServerClient.of(settings, settings.bridge_robot_base_url)
     health = api.Health(agent, robot, settings.robot.name, limits)
     scene = Scene(settings.robot.name, robot)
-    audit = Audit(settings.data_dir, "bridge")
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
@@ -68,11 +70,11 @@ def create_app(
     app = FastAPI(lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
     app.add_middleware(HostGuard, policy=origins)
     app.add_middleware(SecurityHeaders)
-    app.add_exception_handler(login.LoginError, _error_with_status(401))
+    app.add_exception_handler(login.LoginError, _login_error)
     app.add_exception_handler(OriginError, _error_with_status(403))
     app.add_exception_handler(tokens.RegistryError, _error_with_status(503))
     app.add_exception_handler(HTTPException, _http_error)
-    app.include_router(login.router(authenticator, settings.robot.name))
+    app.include_router(login.router(authenticator, cookies, settings.robot.name))
     app.include_router(api.router(authenticator, robot, RobotStop(robot, settings.agent_address), health, audit))
     pages, per_login = max_pages or bridge.max_connections, limits.pages_per_login
     acp_pace = ReadingPace(bridge.requests)
@@ -113,6 +115,11 @@ def _error_with_status(status: int) -> Any:
         return JSONResponse({"error": str(error)}, status_code=status)
 
     return answer
+
+
+async def _login_error(_: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, login.LoginError)  # noqa: S101 - it is registered for this exception
+    return error.answer()
 
 
 async def _http_error(_: Request, error: Exception) -> JSONResponse:

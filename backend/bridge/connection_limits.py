@@ -117,7 +117,7 @@ async def _authenticate(authenticate: Callable[[WebSocket], Login], websocket: W
     try:
         return authenticate(websocket)
     except LoginError as error:
-        answer = JSONResponse({"error": str(error)}, status_code=401)
+        answer = error.answer()
     except OriginError as error:
         answer = JSONResponse({"error": str(error)}, status_code=403)
     except RegistryError as error:

@@ -89,6 +89,71 @@ async def test_a_revoked_token_opens_nothing_from_that_moment_on(bridge, agent, 
     assert agent.connections == 0
 
 
+async def logged_in(bridge, token: str, browser) -> dict[str, str]:
+    """The headers of a browser that has logged in."""
+    response = await browser.post("/api/login", json={"token": token})
+    assert response.status_code == 200
+    return {"Cookie": f"robot_acp={response.cookies['robot_acp']}", "Origin": bridge.origin}
+
+
+async def test_a_logout_ends_the_login_wherever_it_is_in_use_and_no_other(bridge, agent, initialize, closing):
+    token = bridge.token(Role.SUPERVISOR, "Ana")
+    async with bridge.http() as here, bridge.http() as there:
+        page, other = await logged_in(bridge, token, here), await logged_in(bridge, token, there)
+        async with (
+            bridge.websocket(token=None, headers=page) as acp,
+            bridge.websocket("/scene", token=None, headers=page, subprotocols=[SUBPROTOCOL]) as scene,
+            bridge.websocket(token=None, headers=other) as others,
+            bridge.websocket(token=token) as bearer,
+        ):
+            for websocket in (acp, others, bearer):
+                await websocket.send(initialize.decode())
+                sent = await agent.heard()
+                assert (token.encode() in sent) == (websocket is bearer)
+            assert (await here.post("/api/logout", headers=page)).status_code == 204
+            for websocket in (acp, scene):
+                assert await closing(websocket) == (4401, "This login has ended. Log in again.")
+            for websocket in (others, bearer):
+                await websocket.send('{"jsonrpc":"2.0","method":"$/ping"}')
+                assert b"$/ping" in await agent.heard()
+        old = await here.get("/api/me", headers=page)
+        assert (old.status_code, old.json()["error"]) == (401, "This login has ended. Log in again.")
+        assert (await here.post("/api/stop", headers=page)).status_code == 401
+        assert (await there.get("/api/me")).status_code == 200
+
+
+@pytest.mark.parametrize("cookie", ["", "forged", "expired", "gone"])
+async def test_a_logout_without_a_login_is_no_error(bridge, cookie):
+    value = bridge.token(lifetime_s=-1) if cookie == "expired" else cookie
+    async with bridge.http() as http:
+        if cookie == "gone":
+            value = (await logged_in(bridge, bridge.token(), http))["Cookie"].partition("=")[2]
+        for _ in range(2):
+            headers = {"Cookie": f"robot_acp={value}", "Origin": bridge.origin}
+            answer = await http.post("/api/logout", headers=headers)
+            assert (answer.status_code, answer.content) == (204, b"")
+
+
+async def test_a_logout_does_not_end_a_token_that_a_person_was_given(bridge):
+    token = bridge.token()
+    async with bridge.http(token) as http:
+        headers = {"Cookie": f"robot_acp={token}", "Origin": bridge.origin}
+        assert (await http.post("/api/logout", headers=headers)).status_code == 204
+        assert (await http.get("/api/me")).status_code == 200
+
+
+async def test_a_revoked_token_ends_the_logins_that_were_made_with_it(bridge, agent, initialize, closing, revoke):
+    async with bridge.http() as http:
+        page = await logged_in(bridge, bridge.token(name="Ana"), http)
+        shown = tokens.records(bridge.settings.data_dir)[0].id
+        async with bridge.websocket(token=None, headers=page) as websocket:
+            await websocket.send(initialize.decode())
+            await agent.heard()
+            assert [record.id for record in revoke(shown)] == [shown]
+            assert await closing(websocket) == REVOKED
+        assert (await http.get("/api/me")).status_code == 401
+
+
 async def test_while_the_list_is_broken_nobody_new_comes_in_and_those_inside_stay(bridge, agent, client, wait_until):
     token = bridge.token(Role.OPERATOR, "Ben")
     file = bridge.settings.data_dir / tokens.REGISTRY

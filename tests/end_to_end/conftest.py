@@ -59,7 +59,7 @@ class Up(Running):
 
     @property
     def printed_url(self) -> str:
-        """The address with the token, once it has been printed."""
+        """The address with the one-time code, once it has been printed."""
         found = re.search(r"http://\S+/#token=\S+", "".join(self.printed))
         return found[0] if found else ""
 
@@ -72,7 +72,7 @@ def start(robot: Robot, *arguments: str) -> Up:
     try:
         url = wait_until(lambda: up.printed_url, "the address of the dashboard", STARTS_S)
         assert url.startswith(f"{up.base}/#token=")
-        up.token = url.partition("=")[2]
+        up.token = robot.token("supervisor", Role.SUPERVISOR)
         # On a busy machine a ROS robot may take longer than `up` waits before it says what is missing.
         wait_until(lambda: listens(robot.robot_port), "the robot server", STARTS_S)
         wait_until(lambda: listens(robot.agent_port), "the agent", STARTS_S)

@@ -50,6 +50,28 @@ def test_ctrl_c_ends_all_three_and_leaves_none(tmp_path: Path) -> None:
     assert not any(alive(pid) for pid in pids)
 
 
+def test_the_printed_address_logs_in_once_and_the_login_command_prints_another(tmp_path: Path) -> None:
+    up = start(Robot(tmp_path))
+    try:
+        sentence = "It works once; `robot-acp login` prints another."
+        wait_until(lambda: sentence in "".join(up.printed), "the sentence about the address")
+        assert logged_in(up.base, up.printed_url) == (200, "supervisor")
+        assert logged_in(up.base, up.printed_url)[0] == 401
+        another = subprocess.run(
+            up.robot.command("login"), env=up.robot.variables, text=True, capture_output=True, timeout=PATIENCE_S
+        )
+        assert logged_in(up.base, another.stdout.strip()) == (200, "supervisor")
+    finally:
+        end(up.process, signal.SIGINT)
+
+
+def logged_in(base: str, url: str) -> tuple[int, str]:
+    """The status with which the code of an address is answered, and the name of the person who it logs in."""
+    code = {"token": url.partition("#token=")[2]}
+    answer = httpx.post(f"{base}/api/login", json=code, trust_env=False, timeout=PATIENCE_S)
+    return answer.status_code, answer.json().get("name", "")
+
+
 def test_a_process_that_dies_is_started_again_and_the_others_stay(tmp_path: Path) -> None:
     up = start(Robot(tmp_path))
     try:

@@ -66,6 +66,7 @@ class ClientConnection:
         self._pace = ReadingPace()
         self._before_login = before_login
         self.address: str | None = (writer.get_extra_info("peername") or [None])[0] or None
+        """The address of the client; None on stdio."""
         self._identity: Identity | None = None
         self._count_before_login()
         self._questions_asked = 0

@@ -30,10 +30,12 @@ from backend import meta as keys
 from backend.agent.acp.attachments import Attachments
 from backend.agent.acp.connection import ClientConnection
 from backend.agent.acp.extensions import EXTENSIONS
+from backend.agent.acp.request_limits import too_many
 from backend.agent.acp.telemetry import TelemetryFeed
 from backend.agent.wiring import Wiring
 from backend.identity import LOCAL, Identity
 from backend.tokens import RegistryError
+from backend.wrong_logins import TOO_MANY
 
 PROTOCOL_VERSION = 1
 
@@ -98,7 +100,11 @@ class Login:
             return
         try:
             self._accept(self._wiring.tokens.verify(str(token)))
-        except (identity.InvalidToken, RegistryError) as error:
+        except identity.InvalidToken as error:
+            if wait := self._wiring.wrong_logins.count(self._connection.address, str(error)):
+                raise too_many(TOO_MANY, wait) from None
+            raise RequestError(wire.AUTH_REQUIRED, str(error)) from None
+        except RegistryError as error:
             self._wiring.audit.record("login_refused", address=self._connection.address, reason=str(error))
             raise RequestError(wire.AUTH_REQUIRED, str(error)) from None
 

@@ -35,6 +35,7 @@ from backend.config import Settings
 from backend.identity import Role
 from backend.robot_server import RobotServerClient
 from backend.tokens import Registry
+from backend.wrong_logins import WrongLogins
 from tests.processes import PATIENCE_S, Client, eventually, free_port, token_of, trusted
 
 
@@ -138,6 +139,7 @@ async def a_place(data: Path) -> AsyncIterator[Place]:
         people=People(),
         requests=RequestLimits(Settings().agent.requests),
         audit=audit,
+        wrong_logins=WrongLogins(),
     )
 
     async def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
