@@ -27,8 +27,8 @@ _ADVICE: dict[Process, str] = {
 
 
 def warning(settings: Settings, process: Process) -> tuple[str, str] | None:
-    """What anybody on the network can read, and what to do, as two parts of a sentence about the process; None where only
-    this machine reaches it."""
+    """What anybody on the network can read, and what to do, as two parts of a sentence about the process. None for a
+    process that only this machine reaches."""
     where = getattr(settings, process)
     if addresses.is_loopback(where.host):
         return None
