@@ -44,6 +44,14 @@ class RegistryError(Exception):
     """The list cannot be read or written, or lacks the requested token; the text says what to do."""
 
 
+class NameTaken(RegistryError):
+    """A new token cannot have this name; `without_hint` says why without a word about the command line."""
+
+    def __init__(self, without_hint: str, hint: str = "") -> None:
+        super().__init__(f"{without_hint}{hint}")
+        self.without_hint = without_hint
+
+
 class Record(msgspec.Struct, frozen=True):
     """One token of the list. Times are Unix seconds; `revoked` is when it was revoked, None where it was not.
 
@@ -89,7 +97,7 @@ def lifetime(text: str) -> float:
 
 
 def create(data_dir: Path, name: str, role: Role, lifetime_s: float, *, same_person: bool = False) -> str:
-    """Record and return a new login token. Raises `RegistryError`, also for a name that somebody else has.
+    """Record and return a new login token. Raises `RegistryError`, and `NameTaken` for a name that somebody has.
 
     `same_person` makes it a further token of the person who has this name already, where there is one.
     """
@@ -111,22 +119,23 @@ def _add(data_dir: Path, known: Sequence[Record], record: Record) -> None:
 
 
 def _subject(known: Sequence[Record], name: str, role: Role, *, same_person: bool) -> str:
-    """The person for whom a new token is. Raises `RegistryError`."""
+    """The person for whom a new token is. Raises `NameTaken`."""
     if _alike(name, identity.LOCAL.name):
-        raise RegistryError(f"{name!r} is what people without a token are called. Choose another name.")
+        raise NameTaken(f"{name!r} is what people without a token are called. Choose another name.")
     namesakes = [one for one in known if _alike(one.name, name)]
     if not namesakes:
         return secrets.token_hex(8)
     newest = namesakes[-1]
     if not same_person:
-        raise RegistryError(
-            f"There is {newest.name!r} already: {newest.role.value}, token {newest.id}, {newest.state}. For a further "
-            "token of the same person add --same-person. For another person choose another name."
+        raise NameTaken(
+            f"There is {newest.name!r} already: {newest.role.value}, token {newest.id}, {newest.state}. For another "
+            "person choose another name.",
+            " For a further token of the same person add --same-person.",
         )
     person = ([one for one in namesakes if one.role == role] or namesakes)[-1].subject
     for one in known:
         if one.subject == person and one.state == "valid" and one.role != role:
-            raise RegistryError(
+            raise NameTaken(
                 f"{one.name!r} is {one.role.value}, and a person has one role. Revoke the token {one.id} first, or "
                 "choose another name."
             )

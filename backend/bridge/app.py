@@ -14,7 +14,8 @@ from starlette.exceptions import HTTPException
 from starlette.routing import BaseRoute, Route, WebSocketRoute
 
 from backend import tokens
-from backend.bridge import api, login
+from backend.audit import Audit
+from backend.bridge import api, login, token_api
 from backend.bridge.acp_socket import AcpSocket
 from backend.bridge.connection_limits import SCENE_SOCKETS_PER_PAGE, ConnectionLimit
 from backend.bridge.limits import Limits
@@ -49,6 +50,7 @@ def create_app(
     robot = RobotServerClient.of(settings, settings.bridge_robot_base_url)
     health = api.Health(agent, robot, settings.robot.name, limits)
     scene = Scene(settings.robot.name, robot)
+    audit = Audit(settings.data_dir, "bridge")
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
@@ -61,6 +63,7 @@ def create_app(
                 task.cancel()
             await asyncio.gather(*background, return_exceptions=True)
             await robot.close()
+            await asyncio.to_thread(audit.close)
 
     app = FastAPI(lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
     app.add_middleware(HostGuard, policy=origins)
@@ -71,6 +74,7 @@ def create_app(
     app.add_exception_handler(HTTPException, _http_error)
     app.include_router(login.router(authenticator, settings.robot.name))
     app.include_router(api.router(authenticator, robot, RobotStop(robot, settings.agent_address), health))
+    app.include_router(token_api.router(authenticator, settings.data_dir, audit))
     pages, per_login = max_pages or bridge.max_connections, limits.pages_per_login
     acp_pace = ReadingPace(bridge.requests)
     acp_limit = ConnectionLimit(authenticator, pages, per_login, acp_pace, bridge.max_frame_bytes)
