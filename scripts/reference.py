@@ -51,8 +51,8 @@ BRIDGE_PATHS: Final = {
     "GET /api/me": "Who is logged in: `{name, role, robot, expires}`.",
     "GET /api/tokens": "The logins that were issued, for supervisors: "
     "`{tokens: [{id, name, role, created, expires, state, own}]}`. `own` is the one that the request uses.",
-    "POST /api/tokens": "`{name, role, expires}`: makes a login token, for supervisors. `expires` is `30m`, `12h`, `7d` "
-    "or a date; `same_person: true` makes a further one for the person who has the name. Answers "
+    "POST /api/tokens": "`{name, role, expires}`: makes a login token, for supervisors. `expires` is `30m`, `12h`, "
+    "`7d` or a date; `same_person: true` makes a further one for the person who has the name. Answers "
     "`{token, id, name, role, expires}`: the token is in no other answer.",
     "DELETE /api/tokens/{token_id}": "Revokes a login token, for supervisors; the one that the request uses only with "
     "`?own=true`. Answers `{revoked}`: whether it was valid until now.",
