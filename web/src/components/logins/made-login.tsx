@@ -9,7 +9,11 @@ import { visibleLine } from "../../wire/visible-text";
 
 export function MadeLogin({ login, onDone }: { login: NewLogin; onDone: () => void }) {
   const { t } = useTranslation();
-  const values = { name: visibleLine(login.name), role: t(`role.${login.role}`), time: dayAndTime(login.expires) };
+  const values = {
+    name: visibleLine(login.name),
+    role: t(`role.${login.role}`),
+    time: dayAndTime(login.expires),
+  };
   return (
     <>
       <p>{t("logins.madeFor", values)}</p>
