@@ -17,6 +17,8 @@ from collections.abc import Iterable, Iterator
 from datetime import UTC, date, datetime
 from typing import TYPE_CHECKING, Any
 
+from backend.lifetimes import lifetime
+
 if TYPE_CHECKING:
     from backend.config import Settings
 
@@ -40,14 +42,12 @@ def add_to(commands: Any) -> None:
 
 def _since(text: str) -> float:
     """The Unix time that `7d` (so long ago) or a date (its first second, local time) means."""
-    from backend import tokens
-
     try:
         return datetime.combine(date.fromisoformat(text), datetime.min.time()).timestamp()
     except (ValueError, OverflowError):
         pass
     try:
-        return time.time() - tokens.lifetime(text)
+        return time.time() - lifetime(text)
     except ValueError:
         sentence = f"{text!r} is neither a time such as 30m, 12h or 7d, nor a date such as 2027-01-31"
         raise argparse.ArgumentTypeError(sentence) from None

@@ -45,6 +45,7 @@ class Right(StrEnum):
     RELEASE = "release"  # release a latched stop
     TAKE_OVER = "take_over"  # take over the robot, and other people's sessions
     OFFER_SERVERS = "offer_servers"  # bring MCP servers to a session
+    ADMINISTER = "administer"  # see, make and revoke login tokens
 
 
 _RIGHTS: dict[Role, frozenset[Right]] = {

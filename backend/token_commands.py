@@ -13,6 +13,7 @@ from datetime import UTC, datetime, tzinfo
 from typing import TYPE_CHECKING, Any
 
 from backend.identity import Role
+from backend.lifetimes import lifetime
 
 if TYPE_CHECKING:
     from backend import audit, config, tokens
@@ -76,10 +77,8 @@ def _name(text: str) -> str:
 
 
 def _lifetime(text: str) -> float:
-    from backend import tokens
-
     try:
-        return tokens.lifetime(text)
+        return lifetime(text)
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
 

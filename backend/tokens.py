@@ -11,13 +11,11 @@ import asyncio
 import fcntl
 import logging
 import os
-import re
 import secrets
 import time
 import unicodedata
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from datetime import date, datetime
 from pathlib import Path
 from typing import Literal
 
@@ -31,18 +29,23 @@ from backend.signing_keys import KeyRing
 REGISTRY = "tokens.json"
 CHECK_INTERVAL_S = 0.5
 """How often a process checks whether the list has changed, and whether a login has expired."""
-LONGEST_S = 3650 * 86400.0
 _KEPT_S = 30 * 86400.0
 """How long the list keeps an expired token, for people who ask what happened to it."""
 
 _UNREADABLE = "Nobody can log in now: the robot cannot read its list of tokens. Its log says what to do."
-_UNIT_S = {"m": 60, "h": 3600, "d": 86400}
-
 log = logging.getLogger(__name__)
 
 
 class RegistryError(Exception):
     """The list cannot be read or written, or lacks the requested token; the text says what to do."""
+
+
+class NameTaken(RegistryError):
+    """A new token cannot have this name; `without_hint` says why without a word about the command line."""
+
+    def __init__(self, without_hint: str, hint: str = "") -> None:
+        super().__init__(f"{without_hint}{hint}")
+        self.without_hint = without_hint
 
 
 class Record(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -77,30 +80,8 @@ class Record(msgspec.Struct, frozen=True, omit_defaults=True):
         return "expired" if time.time() >= self.expires else "valid"
 
 
-def lifetime(text: str) -> float:
-    """The seconds that `30m`, `12h` or `7d` means, or those until the end of a date such as `2027-01-31` (local time).
-
-    Raises `ValueError` with a sentence for the person who wrote it.
-    """
-    if match := re.fullmatch(r"([0-9]{1,9})([mhd])", text):
-        seconds = float(match[1]) * _UNIT_S[match[2]]
-    else:
-        try:
-            last_second = datetime.combine(date.fromisoformat(text), datetime.max.time()).replace(microsecond=0)
-            seconds = last_second.timestamp() - time.time()
-        except (ValueError, OverflowError):
-            raise ValueError(
-                f"{text!r} is neither a time such as 30m, 12h or 7d, nor a date such as 2027-01-31"
-            ) from None
-    if seconds <= 0:
-        raise ValueError(f"{text!r} is over already")
-    if seconds > LONGEST_S:
-        raise ValueError(f"{text!r} is too long: a token is valid for ten years at most")
-    return seconds
-
-
 def create(data_dir: Path, name: str, role: Role, lifetime_s: float, *, same_person: bool = False) -> str:
-    """Record and return a new login token. Raises `RegistryError`, also for a name that somebody else has.
+    """Record and return a new login token. Raises `RegistryError`, and `NameTaken` for a name that somebody has.
 
     `same_person` makes it a further token of the person who has this name already, where there is one.
     """
@@ -122,22 +103,23 @@ def _add(data_dir: Path, known: Sequence[Record], record: Record) -> None:
 
 
 def subject_of(known: Sequence[Record], name: str, role: Role, *, same_person: bool) -> str:
-    """The person for whom a new token is. Raises `RegistryError`."""
+    """The person for whom a new token is. Raises `NameTaken`."""
     if _alike(name, identity.LOCAL.name):
-        raise RegistryError(f"{name!r} is what people without a token are called. Choose another name.")
+        raise NameTaken(f"{name!r} is what people without a token are called. Choose another name.")
     namesakes = [one for one in known if _alike(one.name, name)]
     if not namesakes:
         return secrets.token_hex(8)
     newest = ([one for one in namesakes if one.is_access] or namesakes)[-1]
     if not same_person:
-        raise RegistryError(
-            f"There is {newest.name!r} already: {newest.role.value}, token {newest.id}, {newest.state}. For a further "
-            "token of the same person add --same-person. For another person choose another name."
+        raise NameTaken(
+            f"There is {newest.name!r} already: {newest.role.value}, token {newest.id}, {newest.state}. For another "
+            "person choose another name.",
+            " For a further token of the same person add --same-person.",
         )
     person = ([one for one in namesakes if one.role == role] or namesakes)[-1].subject
     for one in known:
         if one.subject == person and one.state == "valid" and one.role != role:
-            raise RegistryError(
+            raise NameTaken(
                 f"{one.name!r} is {one.role.value}, and a person has one role. Revoke the token {one.id} first, or "
                 "choose another name."
             )

@@ -51,6 +51,13 @@ BRIDGE_PATHS: Final = {
     "`GET /api/me`, or 429 and `Retry-After` after many wrong logins.",
     "POST /api/logout": "Ends the login of the cookie, wherever it is in use, and removes the cookie.",
     "GET /api/me": "Who is logged in: `{name, role, robot, expires}`.",
+    "GET /api/tokens": "The logins that were issued, for supervisors: "
+    "`{tokens: [{id, name, role, created, expires, state, own}]}`. `own` is the one that the request uses.",
+    "POST /api/tokens": "`{name, role, expires}`: makes a login token, for supervisors. `expires` is `30m`, `12h`, "
+    "`7d` or a date; `same_person: true` makes a further one for the person who has the name. Answers "
+    "`{token, id, name, role, expires}`: the token is in no other answer.",
+    "DELETE /api/tokens/{token_id}": "Revokes a login token, for supervisors; the one that the request uses only with "
+    "`?own=true`. Answers `{revoked}`: whether it was valid until now.",
     "POST /api/stop": "Stops the robot, for everyone who is logged in. It needs no agent. Answers "
     "`{stopped: {by, at}}`, or 503 and `{error}` where the robot's server has not confirmed it "
     "([safety](../safety.md#another-robot)).",

@@ -19,7 +19,8 @@ from backend import identity, logins, tokens
 from backend.chat.link import LinkError, RefusedError
 from backend.cli import main
 from backend.identity import InvalidToken, Role
-from backend.tokens import Registry, RegistryError, lifetime
+from backend.lifetimes import lifetime
+from backend.tokens import Registry, RegistryError
 from tests.processes import PATIENCE_S, Client, Robot, end
 
 

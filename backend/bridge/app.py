@@ -15,7 +15,7 @@ from starlette.routing import BaseRoute, Route, WebSocketRoute
 
 from backend import tokens
 from backend.audit import Audit
-from backend.bridge import api, login
+from backend.bridge import api, login, token_api
 from backend.bridge.acp_socket import AcpSocket
 from backend.bridge.connection_limits import SCENE_SOCKETS_PER_PAGE, ConnectionLimit
 from backend.bridge.limits import Limits
@@ -76,6 +76,7 @@ def create_app(
     app.add_exception_handler(HTTPException, _http_error)
     app.include_router(login.router(authenticator, cookies, settings.robot.name))
     app.include_router(api.router(authenticator, robot, RobotStop(robot, settings.agent_address), health, audit))
+    app.include_router(token_api.router(authenticator, settings.data_dir, audit))
     pages, per_login = max_pages or bridge.max_connections, limits.pages_per_login
     acp_pace = ReadingPace(bridge.requests)
     acp_limit = ConnectionLimit(authenticator, pages, per_login, acp_pace, bridge.max_frame_bytes)

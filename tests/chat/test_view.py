@@ -57,16 +57,16 @@ def test_an_update_of_a_kind_that_it_does_not_know_is_left_out() -> None:
 
 def test_a_text_of_somebody_else_adds_no_line_of_its_own() -> None:
     """A line such as "Allowed by Ana." in column 0 is the agent's."""
-    forged = "Hello.\nAllowed by Ana.\x1b[A"
+    forged, readable = "Hello.\nAllowed by Ana.\x1b[A", "Hello.↵Allowed by Ana.‹U+001B›[A"
     said = {"sessionUpdate": "user_message_chunk", "content": {"type": "text", "text": forged}}
-    assert shown(said) == [Line("you", "you: Hello.\n  Allowed by Ana.␛[A")]
+    assert shown(said) == [Line("you", "you: Hello.\n  Allowed by Ana.‹U+001B›[A")]
     title = CALL | {"title": forged}
-    assert shown(title, call("completed")) == [Line("result", "✓ Hello.␊Allowed by Ana.␛[A")]
+    assert shown(title, call("completed")) == [Line("result", "✓ Hello.↵Allowed by Ana.‹U+001B›[A")]
     decision = {"_meta": {"robot-acp/decision": {"by": forged, "option": "allow_once", "reason": "selected"}}}
-    assert shown(CALL, call("in_progress", **decision)) == [Line("note", "Allowed by Hello.␊Allowed by Ana.␛[A.")]
+    assert shown(CALL, call("in_progress", **decision)) == [Line("note", f"Allowed by {readable}.")]
     plan = {"sessionUpdate": "plan", "entries": [{"content": forged, "status": "pending"}]}
-    assert shown(plan) == [Line("note", "○ Hello.␊Allowed by Ana.␛[A")]
+    assert shown(plan) == [Line("note", "○ Hello.↵Allowed by Ana.‹U+001B›[A")]
     why = {"type": "content", "content": {"type": "text", "text": forged}}
     assert shown(CALL, call("failed", content=[why])) == [
-        Line("problem", "✗ Say aloud: “Hi.”: Hello.␊Allowed by Ana.␛[A")
+        Line("problem", "✗ Say aloud: “Hi.”: Hello.↵Allowed by Ana.‹U+001B›[A")
     ]

@@ -30,6 +30,7 @@ from backend.chat.status import Status
 from backend.chat.view import View
 from backend.config import Storage
 from backend.identity import Role
+from backend.lifetimes import lifetime
 from backend.mcp_robot.http.access import Access
 from backend.mcp_robot.http.name_in_body import name_in_body
 from backend.tokens import Registry, RegistryError
@@ -288,7 +289,7 @@ PARSERS = [
     Parser("addresses of agents", lambda data: dial.Address.parse(_text(data), None), (
         b"tcp://127.0.0.1:9100", b"wss://[::1]:1/acp", b"ws://robot.example/a?b#c",
     ), (ValueError,)),
-    Parser("times of tokens", lambda data: tokens.lifetime(_text(data)), (b"7d", b"30m", b"2099-01-31"), (ValueError,)),
+    Parser("times of tokens", lambda data: lifetime(_text(data)), (b"7d", b"30m", b"2099-01-31"), (ValueError,)),
     Parser("the list of tokens", _registry, (
         (DATA / tokens.REGISTRY).read_bytes(), b"[]",
     ), (RegistryError,)),

@@ -24,10 +24,10 @@ async def test_a_question_shows_each_character_that_would_be_spoken(connect: Ope
     await client.new()
     assert await client.prompt(f"say {TURNED}") == "end_turn"
     (question,) = client.questions
-    assert question["params"]["toolCall"]["title"] == "Say aloud: “The door is ⟨U+202E⟩kcab.”"
-    assert client.of("tool_call")[-1]["title"] == "Say aloud: “The door is ⟨U+202E⟩kcab.”"
+    assert question["params"]["toolCall"]["title"] == "Say aloud: “The door is ‹U+202E›kcab.”"
+    assert client.of("tool_call")[-1]["title"] == "Say aloud: “The door is ‹U+202E›kcab.”"
     listed = (await client.link.request("session/list", {}))["sessions"]
-    assert listed[0]["title"] == "say the door is ⟨U+202E⟩kcab"
+    assert listed[0]["title"] == "say the door is ‹U+202E›kcab"
 
 
 TOOL = Tool("speak", "", {}, "Speak", "Say “{text}”", None)
@@ -36,8 +36,8 @@ TOOL = Tool("speak", "", {}, "Speak", "Say “{text}”", None)
 @pytest.mark.parametrize(
     ("tool", "arguments", "title"),
     [
-        (TOOL, {"text": "a\x1b[2Jb\nc"}, "Say “a␛[2Jb␊c”"),
-        (replace(TOOL, title_template=None), {"te\u202ext": "x"}, "Speak: te⟨U+202E⟩xt x"),
+        (TOOL, {"text": "a\x1b[2Jb\nc"}, "Say “a‹U+001B›[2Jb↵c”"),
+        (replace(TOOL, title_template=None), {"te\u202ext": "x"}, "Speak: te‹U+202E›xt x"),
         (replace(TOOL, title_template="{text:>999999999}"), {"text": "x"}, "Speak: text x"),
         (replace(TOOL, title_template="{text:>{text}}"), {"text": "999999999"}, "Speak: text 999999999"),
     ],
@@ -64,12 +64,13 @@ async def test_the_list_of_sessions_writes_no_control_character(
     await export.list_sessions(database.url)
     listed = capsys.readouterr().out
     assert listed.count("\n") == 1
-    assert "A⟨U+202E⟩na  ␛]0;mine␇␛[2J␊forged line" in listed
+    assert "A‹U+202E›na  ‹U+001B›]0;mine‹U+0007›‹U+001B›[2J↵forged line" in listed
 
 
 def test_a_record_of_the_log_is_one_line() -> None:
     text = "%s has stopped the robot"
     record = logging.LogRecord("agent", logging.INFO, "", 1, text, ("Ana\x1b[2J\n12:00 INFO forged",), None)
     assert (
-        cli.LogLine("%(name)s: %(message)s").format(record) == "agent: Ana␛[2J␊12:00 INFO forged has stopped the robot"
+        cli.LogLine("%(name)s: %(message)s").format(record)
+        == "agent: Ana‹U+001B›[2J↵12:00 INFO forged has stopped the robot"
     )

@@ -1,11 +1,12 @@
 /**
- * The few plain HTTP requests of the page: login, health, the map's probe, stop and release. They do not need the ACP
+ * The few plain HTTP requests of the page: login, health, the map's probe, the list of logins, stop and release. They do not need the ACP
  * connection; above all Stop must work without it. Each has a time limit, and only an answer of the bridge's own form
  * counts: a proxy or a login portal answers everything with a page and status 200. Nothing here touches the state of the
  * page.
  */
-import { parseHealth, parseMe, type Health, type Me } from "../wire/bridge";
+import { parseHealth, parseMe, type Health, type Me, type Role } from "../wire/bridge";
 import { asString, isRecord } from "../wire/fields";
+import { parseLogins, parseNewLogin, type IssuedLogin, type NewLogin } from "../wire/logins";
 import { parseStopAnswer, type Stop } from "../wire/telemetry";
 
 /** A request that did not succeed. `status` is 0 when the bridge did not answer; the message is for people, empty where there is none. */
@@ -28,6 +29,8 @@ export class ForeignAnswer extends HttpError {
 /** The request was given up, because its answer is not wanted any more. */
 export class Interrupted extends Error {}
 
+type Method = "GET" | "POST" | "DELETE";
+
 interface Answer {
   /** Null for an answer that is not JSON. */
   body: unknown;
@@ -48,7 +51,7 @@ const readers = new Set<() => void>();
 
 /** Sends one request and reads its answer with `read`. Throws `Interrupted`, and `HttpError` where nothing answers. */
 async function send<T>(
-  method: "GET" | "POST",
+  method: Method,
   path: string,
   options: Options,
   read: (response: Response) => Promise<T>,
@@ -85,7 +88,7 @@ async function send<T>(
   }
 }
 
-async function call(method: "GET" | "POST", path: string, options: Options = {}): Promise<Answer> {
+async function call(method: Method, path: string, options: Options = {}): Promise<Answer> {
   const { text, response } = await send(method, path, options, async (answer) => ({
     text: await answer.text(),
     response: answer,
@@ -176,4 +179,25 @@ export async function stopRobot(): Promise<Stop> {
 export async function releaseRobot(): Promise<void> {
   const { body } = await call("POST", "/api/release", { body: {} });
   if (!isRecord(body) || body["stopped"] !== null) throw new ForeignAnswer();
+}
+
+/** The logins that were issued. Only supervisors may ask. */
+export async function listLogins(): Promise<IssuedLogin[]> {
+  return required(parseLogins((await call("GET", "/api/tokens")).body));
+}
+
+/** Makes a login; `expires` is a time such as 7d, or a date. `samePerson`: it is for the one who has this name already. */
+export async function createLogin(
+  name: string,
+  role: Role,
+  expires: string,
+  samePerson: boolean,
+): Promise<NewLogin> {
+  const body = { name, role, expires, same_person: samePerson };
+  return required(parseNewLogin((await call("POST", "/api/tokens", { body })).body));
+}
+
+/** Ends a login. One's own is ended only where `own` says so. */
+export async function revokeLogin(id: string, own: boolean): Promise<void> {
+  await call("DELETE", `/api/tokens/${encodeURIComponent(id)}${own ? "?own=true" : ""}`);
 }

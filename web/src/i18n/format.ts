@@ -60,6 +60,12 @@ export function clock(unixSeconds: number): string {
   return new Intl.DateTimeFormat(locale(), { ...day, ...time }).format(date);
 }
 
+/** A day and a time of that day, to the minute. */
+export function dayAndTime(unixSeconds: number): string {
+  const style: Intl.DateTimeFormatOptions = { dateStyle: "medium", timeStyle: "short" };
+  return new Intl.DateTimeFormat(locale(), style).format(new Date(unixSeconds * 1000));
+}
+
 /** The time of day for a date of today, else the day. */
 export function when(date: Date, now: Date): string {
   const style: Intl.DateTimeFormatOptions =

@@ -89,6 +89,19 @@ describe("alerts", () => {
     expect(shown({ telemetry: robot({ level: 0.9 }), reachable: false })).toEqual([]);
   });
 
+  it("say that the database is away beside whatever else is, and only while the agent is heard", () => {
+    const database = { text: "The session log cannot be written.", at: 1_800_000_000 };
+    const telemetry = robot({ level: 0.9 }, { database });
+    expect(shown({ telemetry })).toEqual(["database"]);
+    expect(shown({ telemetry: robot({ level: 0.9 }, { database: null }) })).toEqual([]);
+    const noRobot = parseTelemetry({ robot: "Sancho", online: false, database });
+    expect(noRobot.database).toEqual(database);
+    expect(shown({ telemetry: noRobot })).toEqual(["robot-lost", "database"]);
+    expect(shown({ telemetry, stop: { by: "Ana", at: 1 } })).toEqual(["stopped", "database"]);
+    expect(shown({ telemetry, silentSince: 7 })).toEqual(["silent"]);
+    expect(shown({ telemetry, link: { status: "waiting", retryAt: 1 } })).toEqual(["cut"]);
+  });
+
   it("are two at most, and what is grave is among them", () => {
     const telemetry = robot({ level: 0.05 }, { halted: HALTED });
     expect(shown({ telemetry })).toEqual(["halted", "battery"]);

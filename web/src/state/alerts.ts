@@ -3,9 +3,11 @@
  * more are grave. A cut connection hides every alert about the robot, and a hidden alert comes back when it is news again.
  */
 import { isCutOff } from "../wire/link-state";
+import type { DatabaseFailure } from "../wire/telemetry";
 import type { HiddenAlerts, State } from "./store";
 
-export type AlertKind = "stop-failed" | "stopped" | "cut" | "silent" | "robot-lost" | "halted" | "battery";
+export type AlertKind =
+  "stop-failed" | "stopped" | "cut" | "silent" | "robot-lost" | "database" | "halted" | "battery";
 
 type AlertInputs = Pick<
   State,
@@ -30,6 +32,7 @@ export function alerts(state: AlertInputs): AlertKind[] {
   if (stop !== null) found.push("stopped");
   if (isCutOff(link)) found.push("cut");
   else if (link.status === "online") found.push(...silenceAlerts(state));
+  if (databaseFailure(state) !== null) found.push("database");
   const minor: AlertKind[] = [];
   const halted = telemetry?.halted ?? null;
   // Once the robot is stopped, what ended its motion before matters no more.
@@ -43,6 +46,15 @@ function silenceAlerts({ silentSince, reachable, telemetry, health }: AlertInput
   if (!reachable && telemetry?.online !== true) return ["cut"];
   if (health?.robot.up === false || telemetry?.online === false) return ["robot-lost"];
   return silentSince === null ? [] : ["silent"];
+}
+
+/** Why conversations cannot be kept; null while they can, and where the agent's last word on it may be old. */
+export function databaseFailure({
+  link,
+  silentSince,
+  telemetry,
+}: Pick<State, "link" | "silentSince" | "telemetry">): DatabaseFailure | null {
+  return link.status === "online" && silentSince === null ? (telemetry?.database ?? null) : null;
 }
 
 type Charge = Pick<NonNullable<State["telemetry"]>, "battery" | "batteryFloor" | "charging"> | null;

@@ -8,4 +8,5 @@ export const canPrompt = (role: Role): boolean => CAN_PROMPT.includes(role);
 export const canApprove = (role: Role): boolean => CAN_APPROVE.includes(role);
 export const canConfigure = canApprove;
 export const canTakeOver = (role: Role): boolean => role === "supervisor";
+export const canAdminister = (role: Role): boolean => role === "supervisor";
 export const canRelease = (role: Role): boolean => role === "supervisor";

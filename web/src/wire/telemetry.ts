@@ -43,6 +43,14 @@ export interface Claim {
   by: string;
 }
 
+/** The agent cannot use its database of sessions. */
+export interface DatabaseFailure {
+  /** The agent's own sentence, in English. */
+  text: string;
+  /** Since when, in Unix seconds. */
+  at: number;
+}
+
 export interface Telemetry {
   robot: string | null;
   online: boolean;
@@ -61,6 +69,8 @@ export interface Telemetry {
   halted: Halt | null;
   /** The turn that controls the robot, and those that wait for it, the next one first. Null while nobody controls it. */
   turn: (Claim & { waiting?: Claim[] }) | null;
+  /** Null while the database of sessions can be used. The agent says it also while the robot is not reachable. */
+  database: DatabaseFailure | null;
 }
 
 const UNREACHABLE: Telemetry = {
@@ -77,6 +87,7 @@ const UNREACHABLE: Telemetry = {
   speaking: null,
   halted: null,
   turn: null,
+  database: null,
 };
 
 function parsePose(value: unknown): Pose | null {
@@ -124,8 +135,13 @@ function parseHalt(value: unknown): Halt | null {
 
 export function parseTelemetry(params: unknown): Telemetry {
   if (!isRecord(params) || params["online"] !== true) {
-    const turn = isRecord(params) ? parseTurn(params["turn"]) : null;
-    return { ...UNREACHABLE, robot: isRecord(params) ? asString(params["robot"]) : null, turn };
+    if (!isRecord(params)) return UNREACHABLE;
+    return {
+      ...UNREACHABLE,
+      robot: asString(params["robot"]),
+      turn: parseTurn(params["turn"]),
+      database: parseDatabase(params["database"]),
+    };
   }
   const twist = isRecord(params["twist"]) ? params["twist"] : {};
   const battery = isRecord(params["battery"]) ? params["battery"] : {};
@@ -143,7 +159,13 @@ export function parseTelemetry(params: unknown): Telemetry {
     speaking: asString(params["speaking"]),
     halted: parseHalt(params["halted"]),
     turn: parseTurn(params["turn"]),
+    database: parseDatabase(params["database"]),
   };
+}
+
+function parseDatabase(value: unknown): DatabaseFailure | null {
+  if (!isRecord(value)) return null;
+  return { text: asString(value["text"]) ?? "", at: asNumber(value["at"]) ?? Date.now() / 1000 };
 }
 
 function parseTurn(value: unknown): Telemetry["turn"] {

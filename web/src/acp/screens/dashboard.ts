@@ -23,11 +23,15 @@ const LIST_MS = 30_000;
 /** The session that this page watches only because it controls the robot; null when there is none. */
 let watchedControllerId: string | null = null;
 
+/** Whether the agent said last that its database cannot be used. */
+let databaseAway = false;
+
 /** Returns a function that ends it. */
 export function startDashboard(): () => void {
   startConnection({
     onOpen: async (_agent, initialized) => {
       watchedControllerId = null;
+      databaseAway = false;
       setState({ canDelete: initialized.agentCapabilities?.sessionCapabilities?.delete != null });
       await listSessions().catch((error: unknown) => {
         if (!(error instanceof RequestError)) throw error; // an agent without its log is still connected
@@ -36,7 +40,10 @@ export function startDashboard(): () => void {
       await openFirstSession(auth.status === "in" && canPrompt(auth.me.role));
     },
     onQuestion: showQuestion,
-    onTelemetry: watchController,
+    onTelemetry: (telemetry) => {
+      watchController(telemetry);
+      awaitDatabase(telemetry);
+    },
     onPeople: (people) => setState({ people }),
   });
   const listTimer = setInterval(() => {
@@ -60,6 +67,19 @@ function openSessionOfHash(): void {
   if (sessionId !== null && sessionId !== getState().currentId) {
     openSession(sessionId).catch(() => undefined);
   }
+}
+
+/** When the agent has its database again: lists the sessions, and opens the one that could not be opened. */
+function awaitDatabase({ database }: Telemetry): void {
+  const isBack = databaseAway && database === null;
+  databaseAway = database !== null;
+  if (!isBack) return;
+  void (async () => {
+    await listSessions();
+    const { auth, currentId, notOpened } = getState();
+    if (currentId === null || notOpened !== null)
+      await openFirstSession(auth.status === "in" && canPrompt(auth.me.role));
+  })().catch(() => undefined); // lost again: the band says so, and the next time this begins anew
 }
 
 /**

@@ -5,7 +5,7 @@ import { useShallow } from "zustand/react/shallow";
 import { clock, percent } from "../../i18n/format";
 import { alerts, isBelowFloor, type AlertKind } from "../../state/alerts";
 import { robotName, setState, useStore, type HiddenAlerts } from "../../state/store";
-import { ConnectionBand, RobotBand, SilentBand } from "./connection-band";
+import { ConnectionBand, DatabaseBand, RobotBand, SilentBand } from "./connection-band";
 import { panes } from "../controls/panes";
 import { PaneBoundary } from "../common/pane-boundary";
 import { StopFailed } from "../common/stop-failed";
@@ -18,6 +18,7 @@ const BANDS: Record<AlertKind, () => React.ReactNode> = {
   cut: ConnectionBand,
   silent: SilentBand,
   "robot-lost": RobotBand,
+  database: DatabaseBand,
   halted: HaltBand,
   battery: BatteryBand,
 };

@@ -1,7 +1,9 @@
-/** What is not reachable right now, the bridge, the agent or the robot, and what happens next. */
-import { CloudOff, Unplug } from "lucide-react";
+/** What cannot be reached right now, the bridge, the agent, the robot or the database, and what happens next. */
+import { CloudOff, DatabaseZap, Unplug } from "lucide-react";
 import { useTranslation } from "react-i18next";
 import { reconnectNow } from "../../acp/connection/connection";
+import { clock } from "../../i18n/format";
+import { databaseFailure } from "../../state/alerts";
 import { useNow } from "../../hooks/use-now";
 import { robotName, useStore } from "../../state/store";
 
@@ -33,6 +35,19 @@ export function RobotBand() {
     <section className="band band-plain" data-testid="robot-band" role="status">
       <Unplug aria-hidden />
       <p>{t("connection.robot", { robot })}</p>
+    </section>
+  );
+}
+
+/** Agent and robot are there, and everything that needs no conversation goes on. */
+export function DatabaseBand() {
+  const { t } = useTranslation();
+  const since = useStore((state) => databaseFailure(state)?.at ?? null);
+  if (since === null) return null;
+  return (
+    <section className="band band-warn" data-testid="database-band" role="status">
+      <DatabaseZap aria-hidden />
+      <p>{t("connection.database", { time: clock(since) })}</p>
     </section>
   );
 }

@@ -7,6 +7,7 @@ import {
   Check,
   CircleUserRound,
   Gauge,
+  KeyRound,
   LogOut,
   Menu,
   ShieldQuestion,
@@ -15,7 +16,7 @@ import {
   WifiOff,
 } from "lucide-react";
 import { Dialog, DropdownMenu } from "radix-ui";
-import type { ReactNode } from "react";
+import { Suspense, useRef, useState, type ReactNode } from "react";
 import { useTranslation } from "react-i18next";
 import { logOut } from "../../acp/connection/connection";
 import type { Layout } from "../../hooks/use-layout";
@@ -24,7 +25,9 @@ import { LANGUAGES } from "../../i18n";
 import { fixed, percent, speed } from "../../i18n/format";
 import { callText, untranslatedPart } from "../../i18n/agent-terms";
 import { batteryIsLow } from "../../state/alerts";
+import { canAdminister } from "../../state/rights";
 import { robotName, useMe, useStore } from "../../state/store";
+import { chunk } from "../common/chunk";
 import { Mark } from "../common/mark";
 import { PaneBoundary } from "../common/pane-boundary";
 import { PeopleMenu } from "./people-menu";
@@ -32,6 +35,9 @@ import { SentenceWithQuote } from "../common/sentence-with-quote";
 import { SettingSelects } from "./setting-select";
 import { StopButton } from "../common/stop-button";
 import { setAndStoreLanguage } from "../../i18n/page-language";
+
+/** Only supervisors need it, and seldom. */
+const logins = chunk(() => import("../logins/logins-dialog"));
 
 export function Header({
   layout,
@@ -43,6 +49,8 @@ export function Header({
   onQuestion: () => void;
 }) {
   const { t } = useTranslation();
+  const [administers, setAdministers] = useState(false);
+  const openLogins = (): void => setAdministers(true);
   return (
     <header className="bar">
       <div className="bar-main">
@@ -62,10 +70,15 @@ export function Header({
           {layout === "wide" ? (
             <div className="bar-settings">
               <SettingSelects />
-              <MeMenu />
+              <MeMenu onLogins={openLogins} />
             </div>
           ) : (
-            <SettingsDialog />
+            <SettingsDialog onLogins={openLogins} />
+          )}
+          {administers && (
+            <Suspense fallback={null}>
+              <logins.Component onClose={() => setAdministers(false)} />
+            </Suspense>
           )}
         </PaneBoundary>
       </div>
@@ -190,9 +203,10 @@ function QuestionChip({ onClick }: { onClick: () => void }) {
   );
 }
 
-function MeMenu() {
+function MeMenu({ onLogins }: { onLogins: () => void }) {
   const { t, i18n } = useTranslation();
   const me = useMe();
+  const opensLogins = useRef(false);
   return (
     <DropdownMenu.Root modal={false}>
       <DropdownMenu.Trigger
@@ -204,7 +218,17 @@ function MeMenu() {
         {me.name !== me.role && <span className="muted"> · {t(`role.${me.role}`)}</span>}
       </DropdownMenu.Trigger>
       <DropdownMenu.Portal>
-        <DropdownMenu.Content className="menu" align="end" sideOffset={4} collisionPadding={8}>
+        <DropdownMenu.Content
+          className="menu"
+          align="end"
+          sideOffset={4}
+          collisionPadding={8}
+          onCloseAutoFocus={() => {
+            // Only now: the focus is on the button again, and comes back to it after the dialog.
+            if (opensLogins.current) onLogins();
+            opensLogins.current = false;
+          }}
+        >
           <DropdownMenu.Label className="menu-label">{t("language.label")}</DropdownMenu.Label>
           <DropdownMenu.RadioGroup value={i18n.language} onValueChange={setAndStoreLanguage}>
             {LANGUAGES.map(({ code, name }) => (
@@ -217,6 +241,17 @@ function MeMenu() {
             ))}
           </DropdownMenu.RadioGroup>
           <DropdownMenu.Separator className="menu-line" />
+          {canAdminister(me.role) && (
+            <DropdownMenu.Item
+              className="menu-item"
+              data-testid="open-logins"
+              onSelect={() => {
+                opensLogins.current = true;
+              }}
+            >
+              <KeyRound aria-hidden /> {t("logins.open")}
+            </DropdownMenu.Item>
+          )}
           <DropdownMenu.Item className="menu-item" onSelect={() => void logOut()}>
             <LogOut aria-hidden /> {t("status.logOut")}
           </DropdownMenu.Item>
@@ -227,17 +262,26 @@ function MeMenu() {
 }
 
 /** Mode, model and login on smaller screens, where the header has no room for them. */
-function SettingsDialog() {
+function SettingsDialog({ onLogins }: { onLogins: () => void }) {
   const { t, i18n } = useTranslation();
   const me = useMe();
+  const [open, setOpen] = useState(false);
+  const opensLogins = useRef(false);
   return (
-    <Dialog.Root>
+    <Dialog.Root open={open} onOpenChange={setOpen}>
       <Dialog.Trigger className="icon-button" aria-label={t("status.settings")}>
         <SlidersHorizontal aria-hidden />
       </Dialog.Trigger>
       <Dialog.Portal>
         <Dialog.Overlay className="overlay" />
-        <Dialog.Content className="dialog sheet" aria-describedby="settings-hint">
+        <Dialog.Content
+          className="dialog sheet"
+          aria-describedby="settings-hint"
+          onCloseAutoFocus={() => {
+            if (opensLogins.current) onLogins();
+            opensLogins.current = false;
+          }}
+        >
           <Dialog.Title>{t("status.settings")}</Dialog.Title>
           <p id="settings-hint" className="muted small">
             {t("status.settingsHint")}
@@ -266,6 +310,19 @@ function SettingsDialog() {
               {me.name !== me.role && ` · ${t(`role.${me.role}`)}`}
             </span>
           </p>
+          {canAdminister(me.role) && (
+            <button
+              type="button"
+              className="button"
+              data-testid="open-logins"
+              onClick={() => {
+                opensLogins.current = true;
+                setOpen(false);
+              }}
+            >
+              <KeyRound aria-hidden /> {t("logins.open")}
+            </button>
+          )}
           <div className="dialog-actions">
             <button type="button" className="button" onClick={() => void logOut()}>
               <LogOut aria-hidden /> {t("status.logOut")}
