@@ -15,6 +15,7 @@ import httpx
 import pytest
 
 from backend import addresses, config
+from backend.identity import Role
 from tests.processes import PATIENCE_S, STARTS_S, Client, Robot, end, wait_until
 
 HERE = {f"ROBOT_ACP_{name}__HOST": "::1" for name in ("ROBOT", "AGENT", "BRIDGE")}
@@ -87,7 +88,8 @@ def up(robot: Robot, command: list[str], folder: Path) -> Iterator[str]:
 def test_everything_runs_and_is_reached_on_ipv6(tmp_path: Path) -> None:
     robot = Robot(tmp_path / "data", HERE)
     with up(robot, [sys.executable, "-m", "backend.cli"], Path.cwd()) as address:
-        url, token = address.split("/#token=")
+        url, code = address.split("/#token=")
+        token = robot.token("Ana", Role.SUPERVISOR)
         assert url == f"http://[::1]:{robot.bridge_port}"
         bearer = {"Authorization": f"Bearer {token}"}
         with httpx.Client(base_url=url, headers=bearer, trust_env=False, timeout=PATIENCE_S) as web:
@@ -96,7 +98,7 @@ def test_everything_runs_and_is_reached_on_ipv6(tmp_path: Path) -> None:
             assert web.post("/api/stop").status_code == 200
             assert web.post("/api/release").status_code == 200
             wait_until(lambda: web.get("/scene/").status_code == 200, "the scene", STARTS_S)
-            assert web.post("/api/login", json={"token": token}, headers={"Origin": url}).status_code == 200
+            assert web.post("/api/login", json={"token": code}, headers={"Origin": url}).status_code == 200
         asyncio.run(prompts(f"ws://[::1]:{robot.bridge_port}/acp", token))
         asyncio.run(prompts(f"tcp://[::1]:{robot.agent_port}", None))
         said = {}

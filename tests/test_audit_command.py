@@ -100,7 +100,7 @@ def test_csv_has_one_row_an_event_and_no_formula(tmp_path: Path, capsys: pytest.
     stop, refused = csv.DictReader(io.StringIO(capsys.readouterr().out))
     assert stop["by"] == '\'=HYPERLINK("http://evil.example")'
     assert json.loads(stop["details"]) == {"confirmed": True}
-    assert (refused["by"], json.loads(refused["details"])["reason"]) == ("", 'a,"b"␊c')
+    assert (refused["by"], json.loads(refused["details"])["reason"]) == ("", 'a,"b"↵c')
 
 
 @pytest.mark.processes

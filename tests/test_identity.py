@@ -107,6 +107,7 @@ RIGHTS = {
         Right.RELEASE,
         Right.TAKE_OVER,
         Right.OFFER_SERVERS,
+        Right.ADMINISTER,
     },
 }
 

@@ -34,6 +34,7 @@ from backend.audit import Audit
 from backend.config import ConfigError, Settings
 from backend.connections_before_login import ConnectionsBeforeLogin
 from backend.descriptors import raise_limit
+from backend.identity import Role
 from backend.robot_server import RobotServerClient
 from backend.sockets import notice_loss
 from backend.stdio import stdin, stdout
@@ -118,7 +119,7 @@ async def _serve_client(
     connection = ClientConnection(reader, writer, trusted, most, wiring.requests, before_login)
     operations = Operations(wiring, connection)
     serving = asyncio.create_task(connection.serve(operations.router()), name=f"client {connection.id}")
-    watching = asyncio.create_task(_dismiss_when_login_ends(wiring.tokens, connection))
+    watching = asyncio.create_task(_dismiss_when_login_ends(wiring, connection))
     try:
         await asyncio.wait({serving, watching}, return_when=asyncio.FIRST_COMPLETED)
     finally:
@@ -127,6 +128,7 @@ async def _serve_client(
         for outcome in await asyncio.gather(serving, watching, return_exceptions=True):
             if isinstance(outcome, Exception):
                 log.error("the connection of client %s failed", connection.id, exc_info=outcome)
+        _cancel_what_a_visitor_began(wiring, connection)  # the bridge leaves at a logout, before anybody is dismissed
         operations.close()
         if before_login is not None:
             before_login.remove(connection)
@@ -135,10 +137,21 @@ async def _serve_client(
             log.log(level, "client %s (%s) left", connection.id, connection.name)
 
 
-async def _dismiss_when_login_ends(tokens: Registry, connection: ClientConnection) -> None:
-    reason = await tokens.until_ended(lambda: connection.identity)
+async def _dismiss_when_login_ends(wiring: Wiring, connection: ClientConnection) -> None:
+    reason = await wiring.tokens.until_ended(lambda: connection.identity)
     log.info("client %s (%s) has to leave: %s", connection.id, connection.name, reason)
+    _cancel_what_a_visitor_began(wiring, connection)
     await connection.dismiss()
+
+
+def _cancel_what_a_visitor_began(wiring: Wiring, connection: ClientConnection) -> None:
+    """Cancel the turns of a visitor whose login has ended: nobody else at that screen could cancel them."""
+    who = connection.identity
+    if who is None or who.role is not Role.VISITOR or wiring.tokens.ended(who) is None:
+        return
+    for session in wiring.sessions.open_sessions:
+        if session.row.person == who.person and connection in session.watching:
+            session.cancel()
 
 
 @contextlib.asynccontextmanager

@@ -14,7 +14,7 @@ from backend import tokens
 from backend.agent.acp.connection import ClientConnection
 from backend.chat.link import RefusedError
 from backend.identity import Role
-from tests.agent.conftest import Opener
+from tests.agent.conftest import Opener, far
 from tests.processes import PATIENCE_S, Client, Robot, eventually, trusted
 
 
@@ -108,3 +108,19 @@ async def test_a_revoked_connection_that_reads_nothing_is_cut_off() -> None:
         async with asyncio.timeout(PATIENCE_S):
             await ended.wait()
     server.close()
+
+
+async def test_what_a_visitor_began_ends_with_the_login(robot: Robot, connect: Opener) -> None:
+    """A logout ends the login in this process before the page could cancel."""
+    token = robot.token("Kiosk", Role.VISITOR)
+    visitor, staff = await connect(token), await connect()
+    await visitor.new()
+    async with robot.watched() as watched:
+        visitor.later(visitor.prompt(far(watched)))
+        await watched.until(lambda: watched.speed > 0.1, "the robot to drive")
+        tokens.revoke(robot.data, "Kiosk")
+        await watched.until(lambda: watched.speed == 0 and not watched.state.motion, "the robot to halt")
+        assert watched.state.stop is None
+    await staff.load(visitor.session)
+    await eventually(lambda: staff.of("session_info_update")[-1].get("_meta"), "the end of the turn")
+    assert staff.of("session_info_update")[-1]["_meta"]["robot-acp/turn"]["stopReason"] == "cancelled"
