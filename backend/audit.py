@@ -45,8 +45,8 @@ COUNT_EVERY_S = 60.0
 """How often the events beyond `PER_MINUTE` are written as numbers."""
 
 Event = Literal[
-    "login", "login_refused", "logout", "token_created", "token_revoked", "key_rotated", "mode_changed", "permission",
-    "stop", "release", "take_over", "session_deleted",
+    "login", "login_refused", "logout", "token_created", "token_revoked", "code_created",
+    "key_rotated", "mode_changed", "permission", "stop", "release", "take_over", "session_deleted",
 ]  # fmt: skip
 
 Details = dict[str, str | int | float | None]

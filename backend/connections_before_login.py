@@ -18,9 +18,11 @@ class Use(IntEnum):
 
     WAITING = 0
     """No whole request has arrived."""
-    ANSWERING = 1
+    KNOWN = 1
+    """The same, but a request before came with a valid login."""
+    ANSWERING = 2
     """A request is being answered."""
-    STOPPING = 2
+    STOPPING = 3
     """A request to stop the robot is being answered."""
 
 

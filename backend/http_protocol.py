@@ -20,6 +20,8 @@ from backend.connections_before_login import ConnectionsBeforeLogin, Use
 BACKLOG = 100
 """So many connections are accepted at once, before the oldest of those that are too many are closed."""
 MAX_HEADER_BYTES = 32 * 1024
+LOGGED_IN = "robot-acp.logged-in"
+"""ASGI scope key that an app sets when a request came with a valid login."""
 STOP_PATHS = frozenset({"/stop", "/api/stop"})
 
 
@@ -47,6 +49,7 @@ class HttpProtocol(H11Protocol):
     _limits: HttpLimits
     _awaited: str | None = None  # what the client has to send next: "headers", "body", None for nothing
     _timer: asyncio.TimerHandle | None = None
+    _is_known = False  # whether a request came with a valid login
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Count the connection, and wait for its first request."""
@@ -69,6 +72,7 @@ class HttpProtocol(H11Protocol):
     def on_response_complete(self) -> None:
         """Wait for the next request."""
         super().on_response_complete()
+        self._is_known = self._is_known or LOGGED_IN in self.scope
         self._watch()
 
     def handle_websocket_upgrade(self, event: h11.Request) -> None:
@@ -80,7 +84,7 @@ class HttpProtocol(H11Protocol):
     def _watch(self) -> None:
         """Note what the client has to send next, and begin the time for it where that has changed."""
         is_answering = self.cycle is not None and not self.cycle.response_complete
-        use = Use.ANSWERING if is_answering else Use.WAITING
+        use = Use.ANSWERING if is_answering else Use.KNOWN if self._is_known else Use.WAITING
         if is_answering and self.scope["path"] in STOP_PATHS and self.scope["method"] == "POST":
             use = Use.STOPPING
         self._limits.connections.set_use(self.transport, use)

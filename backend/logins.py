@@ -17,7 +17,7 @@ from typing import Literal
 
 import msgspec
 
-from backend import identity, tokens
+from backend import audit, identity, tokens
 from backend.identity import Identity, InvalidToken, Role
 from backend.tokens import Record
 
@@ -45,7 +45,7 @@ def digest(code: str) -> str:
 
 
 def new_code(data_dir: Path) -> str:
-    """A new one-time code. Raises `RegistryError`, `UnsafeFile`, `OSError`."""
+    """A new one-time code, which the audit log notes. Raises `RegistryError`, `UnsafeFile`, `OSError`."""
     identity.shared_secret(data_dir, identity.SIGNING_KEY)
     code = secrets.token_urlsafe(16)
     with tokens.changing(data_dir) as known:
@@ -53,6 +53,9 @@ def new_code(data_dir: Path) -> str:
         until = time.time() + CODE_LIFETIME_S
         known.append(_record(SUPERVISOR, Role.SUPERVISOR, until, subject, kind="code", code=digest(code)))
         _limit(known, "code", "")
+    audit.record_command(
+        data_dir, ("code_created", {"created_name": SUPERVISOR, "created_role": Role.SUPERVISOR.value})
+    )
     return code
 
 

@@ -42,13 +42,16 @@ def test_the_commands_of_tokens_and_keys_are_in_the_log(robot: Robot) -> None:
     token = command(robot, "token", "create", "--name", "Ana", "--role", "operator").strip()
     command(robot, "token", "revoke", "Ana")
     command(robot, "token", "create", "--name", "Ben", "--role", "viewer")
+    command(robot, "login")
     command(robot, "key", "rotate", "--old-until", "now")
-    created, revoked, _, rotated = printed(robot)
-    assert [entry["event"] for entry in (created, revoked, rotated)] == [
+    created, revoked, _, code, rotated = printed(robot)
+    assert [entry["event"] for entry in (created, revoked, code, rotated)] == [
         "token_created",
         "token_revoked",
+        "code_created",
         "key_rotated",
     ]
+    assert (code["process"], code["created_role"]) == ("command", "supervisor")
     assert created["process"] == "command"
     assert created["uid"] == rotated["uid"]
     assert (created["created_name"], created["created_role"]) == ("Ana", "operator")

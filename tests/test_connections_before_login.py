@@ -71,3 +71,12 @@ def test_one_that_is_being_answered_is_closed_after_those_that_wait_and_a_stop_l
     door.limit.set_use(6, Use.STOPPING)
     door.add(7)
     assert door.closed == [2, 3, 4, 1, 0]
+
+
+def test_one_that_has_logged_in_is_closed_after_those_that_have_not() -> None:
+    door = Door(2, 9)
+    door.add(0)
+    door.limit.set_use(0, Use.KNOWN)
+    for key in range(1, 4):
+        door.add(key)
+    assert door.closed == [1, 2]

@@ -19,7 +19,7 @@ SHARED = {"config.py", "dial.py", "identity.py", "meta.py", "stdio.py", "streams
 
 ROOMS: dict[str, set[str]] = {
     "server": {"wiring", "acp", "sessions", "turns", "control", "robot"},
-    "wiring": {"acp.people", "acp.request_limits", "sessions", "turns", "robot"},
+    "wiring": {"acp.abilities", "acp.people", "acp.request_limits", "sessions", "turns", "robot"},
     "acp": {"wiring", "sessions", "turns", "control", "robot"},
     "turns": {"acp.updates", "acp.commands", "acp.export", "sessions", "control", "robot", "offline"},
     "control": {"acp.updates", "turns.phases", "sessions", "robot"},

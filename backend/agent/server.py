@@ -6,11 +6,12 @@ import asyncio
 import contextlib
 import logging
 import socket
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from backend import addresses, exposure, identity, local_user, robot_address
+from backend import addresses, collector, exposure, identity, local_user, robot_address
+from backend.agent.acp.abilities import Abilities
 from backend.agent.acp.connection import ClientConnection
 from backend.agent.acp.operations import Operations
 from backend.agent.acp.people import People
@@ -39,6 +40,7 @@ from backend.robot_server import RobotServerClient
 from backend.sockets import notice_loss
 from backend.stdio import stdin, stdout
 from backend.tokens import Registry
+from backend.visible import visible
 from backend.wrong_logins import WrongLogins
 
 log = logging.getLogger(__name__)
@@ -209,6 +211,7 @@ async def _wiring(settings: Settings, local_token: str | None) -> AsyncIterator[
         ),
         models=tuple(dict.fromkeys([agent.model, *agent.models, model.OFFLINE_MODEL])),
         offers=offers,
+        abilities=Abilities(tools, agent.places_tool),
         people=People(),
         requests=RequestLimits(agent.requests),
         audit=audit,
@@ -223,7 +226,7 @@ async def _wiring(settings: Settings, local_token: str | None) -> AsyncIterator[
         asyncio.create_task(server.keep_warm(), name="connection to the robot server"),
         asyncio.create_task(Attendance(sessions, lease, agent.unattended_after).run(), name="attendance"),
         asyncio.create_task(wiring.people.run(), name="people"),
-        asyncio.create_task(_warm_up(tools, agent.model), name="warm up"),
+        asyncio.create_task(_warm_up(tools, agent.model, agent.four_eyes), name="warm up"),
     ]
     try:
         yield wiring
@@ -247,11 +250,13 @@ def _absent(settings: Settings) -> str:
     return f"The robot's MCP server ({where}) does not answer. Start it, then try again."
 
 
-async def _warm_up(tools: McpClient, default_model: str) -> None:
+async def _warm_up(tools: McpClient, default_model: str, four_eyes: Sequence[str]) -> None:
     """Connect to the robot and load the provider of the default model before anybody asks."""
-    with contextlib.suppress(Exception):
-        await tools.tools()  # a robot that is not there yet is no error: the first prompt connects again
+    with contextlib.suppress(Exception):  # a robot that is not there yet is no error: the first prompt connects again
+        for name in sorted(set(four_eyes) - set(await tools.tools())):
+            log.warning("agent.four_eyes: the robot has no tool %r", visible(name))
     await providers.ready(default_model)
+    collector.spare_program()
 
 
 def _trust(settings: Settings, writer: asyncio.StreamWriter) -> Callable[[], Awaitable[bool]]:

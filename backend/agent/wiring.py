@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from backend.agent.acp.abilities import Abilities
 from backend.agent.acp.people import People
 from backend.agent.acp.request_limits import RequestLimits
 from backend.agent.robot.robot_client import RobotClient
@@ -36,6 +37,7 @@ class Wiring:
     turns: TurnEnvironment
     models: tuple[str, ...]
     offers: AllowList
+    abilities: Abilities
     people: People
     requests: RequestLimits
     audit: Audit

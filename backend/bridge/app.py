@@ -8,9 +8,10 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
-from fastapi import FastAPI, Request
+from fastapi import FastAPI, Request, Response
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 from starlette.routing import BaseRoute, Route, WebSocketRoute
 
 from backend import tokens
@@ -74,6 +75,7 @@ def create_app(
     app.add_exception_handler(OriginError, _error_with_status(403))
     app.add_exception_handler(tokens.RegistryError, _error_with_status(503))
     app.add_exception_handler(HTTPException, _http_error)
+    app.add_exception_handler(ClientDisconnect, _client_left)
     app.include_router(login.router(authenticator, cookies, settings.robot.name))
     app.include_router(api.router(authenticator, robot, RobotStop(robot, settings.agent_address), health, audit))
     app.include_router(token_api.router(authenticator, settings.data_dir, audit))
@@ -121,6 +123,11 @@ def _error_with_status(status: int) -> Any:
 async def _login_error(_: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, login.LoginError)  # noqa: S101 - it is registered for this exception
     return error.answer()
+
+
+async def _client_left(_: Request, __: Exception) -> Response:
+    """A client left before its request had arrived: nobody reads this answer, and it is no error of the bridge."""
+    return Response(status_code=400)
 
 
 async def _http_error(_: Request, error: Exception) -> JSONResponse:

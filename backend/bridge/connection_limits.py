@@ -21,7 +21,7 @@ from backend.bridge.websocket_protocol import SHORT_MESSAGE_BYTES, WebSocketProt
 from backend.http_protocol import BACKLOG
 from backend.identity import Identity, Right
 from backend.tokens import RegistryError
-from backend.wire import MAX_READER_FRAME_BYTES
+from backend.wire import MAX_SHORT_FRAME_BYTES
 
 SCENE_SOCKETS_PER_PAGE = 3
 """What a page opens beside `/acp`: the scene, its control, the robot's camera."""
@@ -79,7 +79,7 @@ class ConnectionLimit:
                 await _refuse(websocket, refusal)
                 return
             most = self._max_message_bytes
-            most = most if login.identity.may(Right.PROMPT) else min(most, MAX_READER_FRAME_BYTES)
+            most = most if login.identity.may(Right.APPROVE) else min(most, MAX_SHORT_FRAME_BYTES)
             WebSocketProtocol.admitted(websocket.scope, self._pace.of(key), most)
             self._open[key] += 1
             try:

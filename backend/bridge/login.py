@@ -25,6 +25,7 @@ from backend import logins, wire
 from backend.audit import Audit
 from backend.bridge.close_codes import LOGIN_ENDED, CloseReason
 from backend.bridge.origin import OriginPolicy
+from backend.http_protocol import LOGGED_IN
 from backend.identity import Identity, InvalidToken
 from backend.private_files import UnsafeFile
 from backend.rates import Buckets
@@ -129,7 +130,9 @@ class Authenticator:
         token, _ = _token_of(connection)
         if token is None:
             raise LoginError("Log in with a token first.")
-        return Login(self.verify(connection, token, to_stop=to_stop), token)
+        login = Login(self.verify(connection, token, to_stop=to_stop), token)
+        connection.scope[LOGGED_IN] = True
+        return login
 
 
 def _token_of(connection: HTTPConnection) -> tuple[str | None, bool]:

@@ -8,7 +8,7 @@ import socket
 
 import uvicorn
 
-from backend import addresses, exposure
+from backend import addresses, collector, exposure
 from backend.bridge.app import create_app
 from backend.bridge.connection_limits import (
     DESCRIPTORS_PER_PAGE,
@@ -64,6 +64,7 @@ async def serve(settings: Settings, *, listener: socket.socket | None = None, li
         )
     )
     log.info("bridge on %s, agent at %s", addresses.url("http", host, port), settings.agent_address)
+    collector.spare_program()
     serving = asyncio.ensure_future(server.serve(sockets=[bound]))
     try:
         await asyncio.shield(serving)

@@ -116,6 +116,12 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
             self.resume_reading()
         return message
 
+    async def send(self, message: Any) -> None:
+        """Send what ASGI says. An HTTP answer is a whole answer to a handshake, which uvicorn logs as a missing one."""
+        await super().send(message)
+        if message["type"] == "websocket.http.response.body" and not message.get("more_body"):
+            self.handshake_complete = True
+
     # Called by uvicorn and the transport:
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:

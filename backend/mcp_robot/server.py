@@ -15,7 +15,7 @@ from collections.abc import Callable
 import uvicorn
 from starlette.applications import Starlette
 
-from backend import addresses, config, exposure, identity
+from backend import addresses, collector, config, exposure, identity
 from backend.audit import Audit
 from backend.config import ConfigError, Settings
 from backend.connections_before_login import ConnectionsBeforeLogin
@@ -62,6 +62,7 @@ async def serve(
     with contextlib.closing(audit), contextlib.closing(_listen(robot_settings)) as listener:
         http = _Http(create_app(pilot, mcp, token, robot_settings.host, audit), pilot, on_ready)
         async with robot.running():
+            collector.spare_program()
             serving = asyncio.create_task(http.serve(sockets=[listener]), name="http")
             tasks = {serving}
             if stdio:

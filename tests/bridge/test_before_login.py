@@ -121,6 +121,31 @@ async def test_the_oldest_stranger_makes_room_for_the_next(bridge_with, agent):
         await (await page.ping())  # a page is no stranger
 
 
+async def test_a_connection_with_a_login_is_not_displaced_by_strangers(bridge_with):
+    async with bridge_with(bridge={"requests": {"max_before_login": 8}}) as bridge:
+        begin = f"GET /api/me HTTP/1.1\r\nHost: 127.0.0.1:{bridge.port}\r\n"
+        login = f"Authorization: Bearer {bridge.token()}\r\n\r\n"
+        async with dialled(bridge.port, 1, (begin + login).encode()) as [(reader, writer)]:
+            async with asyncio.timeout(PATIENCE_S):
+                assert (await reader.readuntil(b"}")).startswith(b"HTTP/1.1 200")
+            async with dialled(bridge.port, 20, HALF_SENT) as strangers:
+                for pair in strangers[:12]:
+                    await ends(pair)
+                writer.write((begin + login).encode())
+                async with asyncio.timeout(PATIENCE_S):
+                    assert (await reader.readuntil(b"}")).startswith(b"HTTP/1.1 200")
+
+
+async def test_a_client_that_leaves_in_the_middle_of_its_login_is_no_error_of_the_bridge(bridge, caplog):
+    begin = f"POST /api/login HTTP/1.1\r\nHost: 127.0.0.1:{bridge.port}\r\nContent-Length: 100\r\n\r\n{{"
+    async with dialled(bridge.port, 1, begin.encode()):
+        await asyncio.sleep(0)
+    async with bridge.http() as http:
+        for _ in range(20):  # whatever the bridge logs of the one that left, it has logged by then
+            assert (await http.get("/api/me")).status_code == 401
+    assert caplog.text == ""
+
+
 async def test_refused_websockets_take_no_room(bridge_with, agent):
     async with bridge_with(agent={"port": agent.port}, bridge={"requests": {"max_before_login": 8}}) as bridge:
         upgrade = (
@@ -207,7 +232,8 @@ async def test_another_connection_of_a_login_in_debt_is_heard_at_once(bridge_wit
 
 
 @pytest.mark.parametrize(
-    ("path", "role"), [("/acp", Role.VIEWER), ("/scene", Role.SUPERVISOR), ("/camera", Role.VIEWER)]
+    ("path", "role"),
+    [("/acp", Role.VIEWER), ("/acp", Role.VISITOR), ("/scene", Role.SUPERVISOR), ("/camera", Role.VIEWER)],
 )
 async def test_one_who_has_nothing_long_to_say_cannot_fill_the_memory(bridge, closing, path, role):
     async with bridge.websocket(path, token=bridge.token(role), subprotocols=[SUBPROTOCOL]) as page:

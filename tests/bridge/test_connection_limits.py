@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import uuid
 
@@ -10,7 +11,9 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from backend.bridge.connection_limits import DESCRIPTORS_PER_PAGE, RESERVED_DESCRIPTORS, max_pages_for
 from backend.bridge.limits import Limits
+from backend.bridge.login import COOKIE
 from backend.identity import Role
+from tests.bridge.scenes import PATIENCE
 from tests.bridge.viser_page import SUBPROTOCOL
 
 VIEWER = uuid.UUID(int=7)
@@ -125,3 +128,35 @@ def test_a_system_with_few_descriptors_has_room_for_fewer_pages():
     assert max_pages_for(1024, 512) * DESCRIPTORS_PER_PAGE + RESERVED_DESCRIPTORS <= 1024
     assert max_pages_for(1024, 512) > 60
     assert max_pages_for(64, 512) == 1
+
+
+@pytest.mark.parametrize(
+    ("path", "headers", "has_login", "status"),
+    [
+        ("/acp", {}, False, 401),
+        ("/acp", {"Origin": "http://elsewhere.example"}, True, 403),
+        ("/acp", {"Host": "elsewhere.example"}, True, 421),
+        ("/scene/not-an-id", {}, True, 404),
+        ("/nothing", {}, True, 403),
+    ],
+)
+async def test_a_refused_websocket_is_no_error_of_the_bridge(bridge, caplog, path, headers, has_login, status):
+    cookie = {"Cookie": f"{COOKIE}={bridge.token()}"} if has_login else {}
+    origin = {"Origin": bridge.origin}
+    reader, writer = await asyncio.open_connection("127.0.0.1", bridge.port)
+    lines = {
+        "Host": f"127.0.0.1:{bridge.port}",
+        "Connection": "Upgrade",
+        "Upgrade": "websocket",
+        "Sec-WebSocket-Version": "13",
+        "Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA==",
+    }
+    request = [
+        f"GET {path} HTTP/1.1",
+        *(f"{name}: {value}" for name, value in (lines | cookie | origin | headers).items()),
+    ]
+    writer.write("\r\n".join([*request, "", ""]).encode())
+    async with asyncio.timeout(PATIENCE):
+        assert (await reader.read()).startswith(f"HTTP/1.1 {status} ".encode())
+    writer.close()
+    assert caplog.text == ""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import uuid
 
 import pytest
 from websockets.exceptions import InvalidStatus
@@ -65,6 +66,7 @@ async def test_they_are_limited_at_every_door_and_the_answer_says_how_long_to_wa
         assert await opened(strict, path, token="forged") == 429
         assert await opened(strict, path, token=None, headers=cookie) == 429
         assert await opened(strict, path, token=None, subprotocols=["bearer.forged"]) == 429
+    assert await opened(strict, f"/scene/{uuid.UUID(int=7)}?ticket=forged", token=None) == 429
 
 
 async def test_a_right_token_gets_in_all_the_same(strict, agent, initialize):

@@ -189,10 +189,8 @@ class ClientConnection:
         await self._pace.wait()
         who = self._identity
         if self._before_login is None or who is not None:
-            is_reader = who is not None and not who.may(Right.PROMPT)
-            return await wire.read_line(
-                self._reader, wire.MAX_READER_FRAME_BYTES if is_reader else wire.MAX_FRAME_BYTES
-            )
+            short = who is not None and not who.may(Right.APPROVE)
+            return await wire.read_line(self._reader, wire.MAX_SHORT_FRAME_BYTES if short else wire.MAX_FRAME_BYTES)
         limit = self._limits.settings.max_bytes_before_login
         if self.initialized:
             return await wire.read_line(self._reader, limit)

@@ -14,7 +14,6 @@ from acp.exceptions import RequestError
 from sqlalchemy.exc import SQLAlchemyError
 
 from backend import wire
-from backend.agent.acp.abilities import abilities
 from backend.agent.acp.event_page import event_page
 from backend.agent.acp.rights import Rights
 from backend.agent.control import stop as control
@@ -69,7 +68,7 @@ class Extensions:
                 return await self._events(params)
             if name == "robot/abilities":
                 rights.known()
-                return await abilities(wiring.turns.tools, wiring.settings.agent.places_tool)
+                return await wiring.abilities.read()
         except control.StopFailed as failed:
             raise RequestError(wire.INTERNAL_ERROR, str(failed), {"cancelled": failed.cancelled}) from None
         except (RobotError, ServerUnavailable) as error:

@@ -50,6 +50,9 @@ MAX_RESULT_BYTES = 12 * 1024 * 1024
 MAX_TITLE_CHARS = 1000
 MAX_TOOLS = 500
 """Of one server."""
+MAX_READINGS = 4
+"""So many calls of reading tools run at once. One connection carries all calls, and a cancel waits behind those that
+were sent before it: behind hundreds, the robot moved on for 0.15 s."""
 
 
 class ServerUnavailable(Exception):
@@ -175,6 +178,7 @@ class McpClient:
         self._lost = asyncio.Event()
         self._owner: asyncio.Task[None] | None = None
         self._tools: dict[str, Tool] = {}
+        self._readings = asyncio.Semaphore(MAX_READINGS)
 
     async def close(self) -> None:
         """Disconnect for good: later calls are refused as if the server were gone."""
@@ -199,7 +203,20 @@ class McpClient:
         Raises `ServerUnavailable` when the server is gone; a tool that fails is a result with `failed`.
         """
         client = await self._connected()
+        tool = self._tools.get(name)
+        if tool is None or tool.read_only is not True:
+            return await self._call(client, name, arguments, on_progress, meta)
+        async with self._readings:
+            return await self._call(client, name, arguments, on_progress, meta)
 
+    async def _call(
+        self,
+        client: mcp.Client,
+        name: str,
+        arguments: dict[str, Any],
+        on_progress: ProgressCallback | None,
+        meta: Mapping[str, Any] | None,
+    ) -> ToolResult:
         async def report(progress: float, total: float | None, message: str | None) -> None:
             if on_progress:
                 on_progress(Progress(progress / total if total else None, message or ""))

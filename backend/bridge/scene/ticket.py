@@ -47,21 +47,21 @@ class SceneTickets:
         ticket = connection.query_params.get(PARAMETER)
         if ticket is None:
             return self._authenticator.admit(connection)
-        login = Login(self._read(ticket, str(connection.path_params.get("viewer", "")).lower()), "")
+        login = Login(self._read(connection, ticket, str(connection.path_params.get("viewer", "")).lower()), "")
         if (end := self._authenticator.login_end(login)) is not None:
             raise LoginError(end.reason)
         return login
 
-    def _read(self, ticket: str, viewer: str) -> Identity:
+    def _read(self, connection: HTTPConnection, ticket: str, viewer: str) -> Identity:
         try:
             raw = base64.urlsafe_b64decode(ticket[:_MAX_CHARS] + "=" * (-len(ticket) % 4))
             signature, body = raw[:_SIGNATURE_BYTES], raw[_SIGNATURE_BYTES:]
             if not hmac.compare_digest(signature, self._signature(body)):
-                raise LoginError(_NOT_VALID)
+                raise ValueError
             content = msgspec.json.decode(body)  # written by `make`
             who = Identity(**(content["who"] | {"role": Role(content["who"]["role"])}))
         except (ValueError, TypeError, KeyError):
-            raise LoginError(_NOT_VALID) from None
+            raise self._authenticator.refusal(connection, _NOT_VALID) from None
         if content["viewer"] != viewer or who.expired:
             raise LoginError(_NOT_VALID)
         return who

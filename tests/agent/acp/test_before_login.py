@@ -104,8 +104,10 @@ async def test_a_message_before_the_login_is_short(strict: Robot) -> None:
             assert "larger than 65536 bytes" in json.loads(await pair[0].readline())["error"]["message"]
 
 
-@pytest.mark.parametrize(("role", "outcome"), [(Role.VISITOR, "result"), (Role.VIEWER, "error")])
-async def test_after_the_login_those_who_may_prompt_send_long_ones(strict: Robot, role: Role, outcome: str) -> None:
+@pytest.mark.parametrize(
+    ("role", "outcome"), [(Role.OPERATOR, "result"), (Role.VISITOR, "error"), (Role.VIEWER, "error")]
+)
+async def test_after_the_login_those_who_may_approve_send_long_ones(strict: Robot, role: Role, outcome: str) -> None:
     async with dialled(strict) as [pair]:
         await initialize(pair, strict.token("Ana", role))
         pair[1].write(b'{"jsonrpc":"2.0","id":1,"method":"session/list","params":{"x":"' + b"a" * 1_700_000 + b'"}}\n')

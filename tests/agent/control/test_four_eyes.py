@@ -11,10 +11,12 @@ import pytest
 
 from backend.agent.acp import updates
 from backend.agent.control.approvers import Outcome
-from backend.agent.robot.mcp_client import Tool
+from backend.agent.robot.mcp_client import McpClient, Tool
+from backend.agent.server import _warm_up
 from backend.agent.sessions.journal import Journal
 from backend.agent.sessions.sessions import Sessions
 from backend.agent.sessions.store import Store
+from backend.agent.turns.model import OFFLINE_MODEL
 from backend.chat.link import LinkError
 from backend.identity import Identity, Role
 from tests.agent.conftest import Opener
@@ -186,3 +188,16 @@ async def test_nor_after_a_restart(database: Database, monkeypatch: pytest.Monke
         assert [one and one.remembered for one in again] == [{"speak": True}, {}]
         assert again[1] is not None
         assert again[1].seq == session.seq + 2
+
+
+class Speaking(McpClient):
+    """A robot with one tool."""
+
+    async def tools(self) -> dict[str, Tool]:
+        return {SPEAK.name: SPEAK}
+
+
+async def test_a_name_in_the_settings_that_no_tool_has_is_reported(caplog: pytest.LogCaptureFixture) -> None:
+    robot = Speaking("http://127.0.0.1:1/mcp", absent="There is no robot.")
+    await _warm_up(robot, OFFLINE_MODEL, ["speek", "speak"])
+    assert caplog.messages == ["agent.four_eyes: the robot has no tool 'speek'"]

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from backend.agent.acp.abilities import Abilities
 from backend.agent.acp.connection import ClientConnection
 from backend.agent.acp.operations import Operations
 from backend.agent.acp.people import People
@@ -136,6 +137,7 @@ async def a_place(data: Path) -> AsyncIterator[Place]:
         turns=environment,
         models=(OFFLINE_MODEL,),
         offers=AllowList([]),
+        abilities=Abilities(silent, "get_scene_graph"),
         people=People(),
         requests=RequestLimits(Settings().agent.requests),
         audit=audit,

@@ -61,7 +61,7 @@ export type StopFailure =
   { kind: "noAnswer" } | { kind: "foreign" } | { kind: "refused" | "told"; sentence: string };
 
 /** Why nobody is logged in. */
-export type LoginProblem = "none" | "invalid" | "expired" | "unreachable";
+export type LoginProblem = "none" | "invalid" | "tooMany" | "expired" | "unreachable";
 
 export type Auth =
   { status: "checking" } | { status: "out"; problem: LoginProblem } | { status: "in"; me: Me };

@@ -73,11 +73,16 @@ export async function logIn(token: string): Promise<void> {
     if (asked === generation) await signIn(me);
   } catch (error) {
     if (asked !== generation) return;
-    const status = error instanceof http.HttpError ? error.status : 0;
-    await signOut(status >= 400 && status < 500 ? "invalid" : "unreachable");
+    await signOut(problemOf(error instanceof http.HttpError ? error.status : 0));
   } finally {
     loggingIn--;
   }
+}
+
+/** What the status of a refused login means; 0 where nobody answered. */
+function problemOf(status: number): LoginProblem {
+  if (status === 429) return "tooMany";
+  return status >= 400 && status < 500 ? "invalid" : "unreachable";
 }
 
 export async function logOut(): Promise<void> {

@@ -9,10 +9,10 @@ import { Link } from "./link";
 const ended = vi.fn();
 
 /** What the server answers from now on. */
-function answers(name: string | null, role = "supervisor"): void {
+function answers(name: string | null, role = "supervisor", refusal = 401): void {
   const me = { name, role, robot: "Sancho" };
   vi.stubGlobal("fetch", () =>
-    Promise.resolve(Response.json(name === null ? {} : me, { status: name === null ? 401 : 200 })),
+    Promise.resolve(Response.json(name === null ? {} : me, { status: name === null ? refusal : 200 })),
   );
 }
 
@@ -57,6 +57,16 @@ it("is the same for the same name in another role, which the old connection does
   await logIn("Ana's for looking");
   expect(ended).toHaveBeenCalledOnce();
   expect(getState()).toMatchObject({ auth: { me: { role: "viewer" } }, conversations: {}, stopError: null });
+});
+
+it.each([
+  [401, "invalid"],
+  [429, "tooMany"],
+  [503, "unreachable"],
+])("says why a login was refused: %i is %s", async (status, problem) => {
+  answers(null, "", status);
+  await logIn("Ben's");
+  expect(getState().auth).toEqual({ status: "out", problem });
 });
 
 it("is the same for somebody who logs in after a link that did not count", async () => {

@@ -15,6 +15,7 @@ const RETRY_MS = 5000;
 const KIOSK = {
   none: "login.kioskNone",
   invalid: "login.kioskInvalid",
+  tooMany: "login.kioskTooMany",
   expired: "login.kioskExpired",
   unreachable: "login.kioskUnreachable",
 } as const;

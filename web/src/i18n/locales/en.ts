@@ -28,6 +28,7 @@ const en = {
     none: "You need a link to get in. Ask for one, or run ./run.sh and open the address that it prints.",
     invalid:
       "This link is not valid any more. Ask for a new one, or run ./run.sh again and open the address that it prints.",
+    tooMany: "There were too many logins from here in a short time. Wait a minute, then try again.",
     expired:
       "Your login has ended. Ask for a new link, or run ./run.sh again and open the address that it prints.",
     unreachable:
@@ -40,6 +41,7 @@ const en = {
     kioskTitle: "This screen is not set up yet",
     kioskNone: "A member of staff can set it up: with a link or token for a visitor, made for this screen.",
     kioskInvalid: "This link is not valid any more. A member of staff can make a new one for this screen.",
+    kioskTooMany: "There were too many logins from here in a short time. It works again in a minute.",
     kioskExpired: "The login of this screen has ended. A member of staff can make a new one.",
     kioskUnreachable: "The robot does not answer yet. It is asked again every few seconds.",
   },

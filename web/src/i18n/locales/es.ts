@@ -31,6 +31,7 @@ const es = {
     none: "Para entrar hace falta un enlace. Pídalo, o ejecute ./run.sh y abra la dirección que muestra.",
     invalid:
       "Este enlace ya no es válido. Pida uno nuevo, o ejecute otra vez ./run.sh y abra la dirección que muestra.",
+    tooMany: "Ha habido demasiados intentos de acceso seguidos. Espere un minuto y vuelva a intentarlo.",
     expired:
       "Su acceso ha terminado. Pida un enlace nuevo, o ejecute otra vez ./run.sh y abra la dirección que muestra.",
     unreachable:
@@ -44,6 +45,7 @@ const es = {
     kioskNone:
       "El personal puede prepararla: con un enlace o una clave de visitante hechos para esta pantalla.",
     kioskInvalid: "Este enlace ya no es válido. El personal puede crear uno nuevo para esta pantalla.",
+    kioskTooMany: "Ha habido demasiados intentos de acceso seguidos. Dentro de un minuto vuelve a funcionar.",
     kioskExpired: "El acceso de esta pantalla ha terminado. El personal puede crear uno nuevo.",
     kioskUnreachable: "El robot aún no responde. Se vuelve a intentar cada pocos segundos.",
   },
