@@ -9,11 +9,14 @@ import { endConnection, startConnection } from "../connection/connection";
 import { loadAbilities } from "../sessions/abilities";
 import { addSession, loadSession, sendPrompt } from "../sessions/sessions";
 
-const ABILITIES_MS = 5000;
+/** How often what could not be loaded is asked for again. */
+const AGAIN_MS = 5000;
 const CWD = "/";
 
 /** Counts visits: an answer that belongs to an earlier one is dropped. */
 let visit = 0;
+/** Whether the visit's session could not be loaded again, because the agent's database is away. */
+let toResume = false;
 /** Sessions of visits that ended while there was no connection. */
 const sessionsToClose = new Set<string>();
 
@@ -36,7 +39,11 @@ export function startKiosk(): () => void {
     // Nobody at this screen could cancel the visitor's turn any more.
     onSignOut: endVisit,
   });
-  const timer = setInterval(() => void loadAbilitiesOnce(), ABILITIES_MS);
+  const timer = setInterval(() => {
+    void loadAbilitiesOnce();
+    const agent = getAgent();
+    if (toResume && agent !== null) void resumeVisit(agent).catch(() => undefined); // lost again: `onOpen` resumes
+  }, AGAIN_MS);
   return () => {
     clearInterval(timer);
     endVisit();
@@ -48,16 +55,25 @@ async function loadAbilitiesOnce(): Promise<void> {
   if (getState().abilities === null) await loadAbilities();
 }
 
-/** Loads the visit's session again after the connection was lost. */
+/** Loads the visit's session again after the connection was lost. The visit ends where the session has gone. */
 async function resumeVisit(agent: ClientContext): Promise<void> {
   const { currentId } = getState();
+  toResume = false;
   if (currentId === null) return;
   try {
     await loadSession(agent, currentId);
   } catch (error) {
     if (!(error instanceof RequestError)) throw error;
-    endVisit();
+    if (currentId !== getState().currentId) return; // the visit has ended meanwhile
+    if (isDatabaseAway(error)) toResume = true;
+    else endVisit();
   }
+}
+
+function isDatabaseAway({ data }: RequestError): boolean {
+  return (
+    typeof data === "object" && data !== null && "unavailable" in data && data.unavailable === "database"
+  );
 }
 
 /**
@@ -94,6 +110,7 @@ async function beginSession(agent: ClientContext, thisVisit: number): Promise<st
 /** The visitor has gone: the running turn is cancelled, and nothing of the visit stays. */
 export function endVisit(): void {
   visit++;
+  toResume = false;
   const { currentId } = getState();
   const agent = getAgent();
   setState({
