@@ -19,7 +19,10 @@ from backend.connections_before_login import ConnectionsBeforeLogin, Use
 
 BACKLOG = 100
 """So many connections are accepted at once, before the oldest of those that are too many are closed."""
-MAX_HEADER_BYTES = 32 * 1024
+MAX_HEADER_BYTES = 16 * 1024
+"""h11 takes 10 ms for so many, in lines of the smallest size."""
+_READ_BYTES = 4096
+"""So much is read at a time. h11 parses headers that are complete however long they are, and 256 kB took 0.1 s."""
 LOGGED_IN = "robot-acp.logged-in"
 """ASGI scope key that an app sets when a request came with a valid login."""
 STOP_PATHS = frozenset({"/stop", "/api/stop"})
@@ -54,6 +57,8 @@ class HttpProtocol(H11Protocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Count the connection, and wait for its first request."""
         super().connection_made(transport)
+        if hasattr(transport, "max_size"):
+            transport.max_size = _READ_BYTES  # of asyncio's transports
         self._limits.connections.add(transport, self.client[0] if self.client else None, transport.abort)
         self._watch()
 

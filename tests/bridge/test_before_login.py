@@ -96,6 +96,13 @@ async def test_headers_have_a_size(bridge):
         assert (await ends(pair)).startswith(b"HTTP/1.1 400")
 
 
+async def test_headers_have_a_size_also_where_they_come_at_once(bridge):
+    """h11 looks at the limit only while headers are incomplete."""
+    whole = b"GET /api/me HTTP/1.1\r\nHost: 127.0.0.1\r\n" + b"X: y\r\n" * 20_000 + b"\r\n"
+    async with dialled(bridge.port, 1, whole) as [pair]:
+        assert not (await ends(pair)).startswith(b"HTTP/1.1 401")
+
+
 async def test_slow_answers_and_open_pages_are_not_cut_off(bridge_with, agent, initialize):
     quick = {"header_timeout": 0.2, "body_timeout": 0.2}
     async with (
