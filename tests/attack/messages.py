@@ -53,20 +53,28 @@ async def _blocks(target: Target, blocks: list[dict[str, Any]]) -> str:
         return said(answer.result()) if answer.done() else "the connection was closed"
 
 
-@attack("a prompt of 100,000 empty blocks")
+@attack("prompts of 30,000 and of 100,000 empty blocks")
 async def empty_blocks(target: Target) -> str:
-    return await _blocks(target, [{"type": "text", "text": ""}] * 100_000)
+    return _and(*[await _blocks(target, [{"type": "text", "text": ""}] * count) for count in (30_000, 100_000)])
 
 
-@attack("a prompt with 14 MB of text")
+@attack("prompts with 0.9 and with 14 MB of text")
 async def long_text(target: Target) -> str:
-    return await _blocks(target, [{"type": "text", "text": "a" * 14_000_000}])
+    sizes = (900_000, 14_000_000)
+    return _and(*[await _blocks(target, [{"type": "text", "text": "a" * size}]) for size in sizes])
 
 
-@attack("a prompt with a picture of 8 MB that is none")
+@attack("prompts with a picture of 0.7 and of 8 MB that is none")
 async def large_picture(target: Target) -> str:
-    data = base64.b64encode(bytes(WRITE_BYTES)).decode()
-    return await _blocks(target, [{"type": "image", "mimeType": "image/png", "data": data}])
+    pictures = [base64.b64encode(bytes(size)).decode() for size in (700_000, WRITE_BYTES)]
+    return _and(
+        *[await _blocks(target, [{"type": "image", "mimeType": "image/png", "data": data}]) for data in pictures]
+    )
+
+
+def _and(smaller: str, larger: str) -> str:
+    """What was said to the smaller one, which everybody may send, and to the larger one."""
+    return smaller if smaller == larger else f"{smaller}; the larger one: {larger}"
 
 
 @attack("blocks of every kind, with contents that do not fit")
@@ -82,19 +90,22 @@ async def odd_blocks(target: Target) -> str:
     return [await _blocks(target, [block]) for block in odd][-1]
 
 
-@attack("two sessions with a cwd of 9 MB")
+@attack("sessions with a cwd of 0.9 and of 9 MB")
 async def long_cwd(target: Target) -> str:
-    async with target.client() as client:
-        answers = [await client.call("session/new", {"cwd": "/" + "a" * 9_000_000, "mcpServers": []}) for _ in range(2)]
-        listed = await client.call("session/list", {})
-        if "result" not in listed:
-            raise Broken(f"the list of sessions is out of order: {said(listed)}")
-        return said(answers[-1])
+    answers = []
+    for size in (900_000, 9_000_000):
+        async with target.client() as client:
+            answers.append(said(await client.call("session/new", {"cwd": "/" + "a" * size, "mcpServers": []})))
+        async with target.client() as client:
+            listed = await client.call("session/list", {})
+            if "result" not in listed:
+                raise Broken(f"the list of sessions is out of order: {said(listed)}")
+    return _and(*answers)
 
 
-@attack("1 MB in each field that takes text")
+@attack("0.3 MB in each field that takes text")
 async def long_fields(target: Target) -> str:
-    long = "x" * 1_000_000
+    long = "x" * 300_000
     requests: list[tuple[str, dict[str, Any]]] = [
         ("initialize", {"protocolVersion": 1, "clientInfo": {"name": long, "version": long}}),
         ("authenticate", {"methodId": long, "_meta": {"robot-acp/token": long}}),
