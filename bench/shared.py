@@ -113,5 +113,8 @@ def processes_of(running: Up) -> dict[str, Process]:
     """The robot server, the agent and the bridge of an `up`, by name."""
     parent = running.process.pid
     children = Path(f"/proc/{parent}/task/{parent}/children").read_text().split()
-    named = {Path(f"/proc/{pid}/cmdline").read_text().split("\0")[3]: Process(int(pid)) for pid in children}
+    named = {}
+    for pid in children:
+        command = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
+        named[command[command.index("backend.cli") + 1]] = Process(int(pid))
     return {name: named[name] for name in ("robot", "agent", "bridge")}

@@ -32,7 +32,8 @@ class LineSplitter:
         self._parts, self._size = [], 0
         self._keep(others.pop())
         longest = self._limit + 1
-        return [line[:longest] for line in (first, *others) if line and not line.isspace()]
+        # A line that is too long may be blank as far as it is kept. It is no blank line: somebody may wait for it.
+        return [line[:longest] for line in (first, *others) if len(line) > self._limit or (line and not line.isspace())]
 
     def _keep(self, part: bytes) -> None:
         room = self._limit + 1 - self._size

@@ -114,7 +114,7 @@ class Client:
             closed.cancel()
         if answer.done():
             return answer.result()
-        return {"error": {"message": CLOSED if self.closed.is_set() else NO_ANSWER}}
+        return self._none()
 
     async def begin(self, method: str, params: Any) -> asyncio.Future[dict[str, Any]]:
         """Send a request; its answer comes later."""
@@ -145,7 +145,14 @@ class Client:
         if not answer.done():
             await self.notify("session/cancel", {"sessionId": session})
             await asyncio.wait([answer], timeout=seconds)
-        return answer.result() if answer.done() else {"error": {"message": CLOSED if self.is_closed else NO_ANSWER}}
+        return answer.result() if answer.done() else self._none()
+
+    def _none(self) -> dict[str, Any]:
+        """What stands in place of an answer that has not come."""
+        if not self.is_closed:
+            return {"error": {"message": NO_ANSWER}}
+        reason = self.socket.close_reason
+        return {"error": {"message": f"{CLOSED} ({self.socket.close_code}{f': {reason}' if reason else ''})"}}
 
     @property
     def is_closed(self) -> bool:

@@ -32,6 +32,14 @@ def test_a_line_over_the_limit_is_cut_one_byte_above_it_however_it_comes():
         assert lines.kept_bytes == 0
 
 
+def test_a_line_over_the_limit_whose_beginning_is_blank_is_no_blank_line_however_it_comes():
+    stream = b" " * 500 + b"{}\nshort\n"
+    for size in (1, 3, 1000):
+        lines = LineSplitter(10)
+        out = [line for i in range(0, len(stream), size) for line in lines.feed(stream[i : i + size])]
+        assert out == [b" " * 11, b"short"]
+
+
 def test_a_line_without_an_end_takes_no_more_memory_than_the_limit():
     lines = LineSplitter(1000)
     for _ in range(1000):

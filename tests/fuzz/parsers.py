@@ -159,7 +159,7 @@ def _limits(data: bytes) -> None:
 
 
 def _ticket(data: bytes) -> None:
-    assert TICKETS._read(_text(data), "a") == ANA
+    assert TICKETS._read(_connection(b"/scene/a"), _text(data), "a") == ANA
 
 
 def _name_in_body(data: bytes) -> None:

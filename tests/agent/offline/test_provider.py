@@ -123,7 +123,7 @@ from backend.agent.robot.mcp_client import McpClient
 
 async def main():
     robot = McpClient("http://127.0.0.1:1/mcp", absent="")
-    await server._warm_up(robot, model.OFFLINE_MODEL)
+    await server._warm_up(robot, model.OFFLINE_MODEL, [])
     messages = [{"role": "user", "content": "help"}]
     async for part in providers.stream(model.OFFLINE_MODEL, messages, [], model.Situation("Sancho", "", "")):
         print(type(part).__name__)
