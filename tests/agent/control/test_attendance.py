@@ -24,6 +24,8 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
 
 
 async def driving(client: Client, watched: Watched, text: str | None = None) -> None:
+    """From rest: the last test's robot may still brake, and its drive is not this one."""
+    await watched.until(lambda: watched.speed == 0 and not watched.state.motion, "the robot at rest before")
     client.later(client.prompt(text or far(watched)))
     await watched.until(lambda: watched.speed > 0.3, "the robot to drive")
 
