@@ -133,9 +133,8 @@ class Client:
         with contextlib.suppress(ConnectionClosed):
             await self.socket.send(message if isinstance(message, str | bytes) else json.dumps(message))
         self._sent += 1
-        if (
-            self._sent % 50 == 0
-        ):  # sending need not wait: a flood alone would keep the witness of this process from living
+        # Sending need not wait, so a flood would leave the witness, which lives in this process, no time.
+        if self._sent % 50 == 0:
             await asyncio.sleep(0)
 
     async def session(self) -> str | None:
